@@ -88,8 +88,10 @@ pub struct PartiallySaturated {
     /// 0.52, no turbulence model, no free surface), else `non_equilibrium_bounce_back`, which stays stable at high
     /// Reynolds numbers.
     pub solid_operator: Option<SolidOperator>,
-    /// Weighting of the solid fraction.
-    pub weighting: Weighting,
+    /// Weighting of the solid fraction. Default: `viscous`; `fraction` where gravity acts on the fluid between walls
+    /// without a free surface, because the hydrostatic pressure then carries bodies: cells covered in part by less than
+    /// their fraction would reduce the buoyancy.
+    pub weighting: Option<Weighting>,
     /// Method that computes the solid fraction of a cell.
     pub solid_fraction: SolidFraction,
     /// `true` if the inertia of the fluid inside a body is subtracted from the motion of the body. If not, the
@@ -101,7 +103,7 @@ impl Default for PartiallySaturated {
     fn default() -> Self {
         Self {
             solid_operator: None,
-            weighting: Weighting::default(),
+            weighting: None,
             solid_fraction: SolidFraction::default(),
             exclude_inner_fluid: true,
         }

@@ -61,7 +61,8 @@ pub const CHANGEABLE: [Changeable; 50] = [
     ),
     changeable(
         "regions",
-        "regions may be added, removed and changed; a region that keeps its name keeps its counts",
+        "regions may be added, removed and changed; a region that keeps its name keeps its counts, and a rate that \
+         changes counts from the restart",
     ),
     changeable(
         "fluid.darcy.backward_erosion",

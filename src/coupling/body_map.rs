@@ -11,6 +11,7 @@
 mod joint_cells;
 mod links;
 mod lookup;
+mod mirrored;
 mod owners;
 mod rows;
 mod slab;
@@ -24,6 +25,7 @@ use joint_cells::JointCells;
 pub use joint_cells::{CellChange, JointLink};
 use lbm::fluid::Fluid;
 use lbm::lanes::Stored;
+use lbm::links::mirrored::MirroredLink;
 use lbm::links::{BODIES_PER_THREAD as PER_THREAD, BodyLink, CellPlane, Load, Rigid, add_force};
 use lbm::populations::Populations;
 use links::Direction;
@@ -53,6 +55,8 @@ pub struct MapGrid {
     pub start: [usize; 3],
     /// Periodic axes.
     pub periodic: [bool; 3],
+    /// `true` for each end of an axis that is a plane of symmetry.
+    pub mirrored: [[bool; 2]; 3],
     /// Lower corner of the domain \[m\].
     pub origin: [f64; 3],
     /// Edge of a cell \[m\].
@@ -66,9 +70,33 @@ impl MapGrid {
             cells: fluid.domain_cells(),
             start: fluid.start(),
             periodic: fluid.periodic(),
+            mirrored: fluid.planes_of_symmetry(),
             origin,
             spacing,
         }
+    }
+
+    /// Returns the cell of the domain of which a cell (local coordinates) is the image across planes of symmetry; none
+    /// without such an image, and for cells of the domain.
+    pub(super) fn image(&self, dimension: usize, local: [i32; 3]) -> Option<[i32; 3]> {
+        let mut image = local;
+        for (a, at) in image.iter_mut().enumerate().take(dimension) {
+            let (start, cells) = (to_i32(self.start[a]), to_i32(self.cells[a]));
+            let global = *at + start;
+            if self.periodic[a] || (0..cells).contains(&global) {
+                continue;
+            }
+            let upper = global >= cells;
+            if !self.mirrored[a][usize::from(upper)] {
+                return None;
+            }
+            *at = if upper {
+                2 * cells - 1 - global - start
+            } else {
+                -1 - global - start
+            };
+        }
+        (image != local).then_some(image)
     }
 
     /// Returns the offset in cells from the raw frame of a body to the local cells of the slab, for one of its
@@ -120,6 +148,8 @@ struct Mapped {
     shares: bool,
     /// `true` if the body must be mapped again in this update.
     again: bool,
+    /// Halves of links through planes of symmetry.
+    mirrored: Vec<MirroredLink>,
     /// Cells in local coordinates, including those that belong to a body of lower id or a structure.
     rows: Rows,
     /// Buffer for the next search. After a search with a different result it contains the previous cells.
@@ -426,6 +456,7 @@ impl BodyMap {
                 }
             }
         }
+        self.mirror_links(populations);
         // A change affects only neighbouring cells: with few changes, few bodies need new links.
         let few = changes.len() < PER_THREAD;
         self.changes = changes;

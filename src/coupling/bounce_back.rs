@@ -225,12 +225,15 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
         } else {
             bounce::<S, 3>(populations, scheme, links, motion, faces, loads);
         }
+        let populations = self.fluid.populations_mut();
+        let scheme = self.settings.scheme;
+        let at_planes = (self.map).bounce_at_planes(populations, scheme, &mut self.loads);
         let at_joints = self.map.bounce_at_joints(self.fluid.populations_mut());
         particles.reduce_to_owners(&mut self.loads, domain)?;
         self.owned = particles.owned();
         self.load_grains(particles);
-        if let Some(load) = at_joints {
-            // For the balance of the momentum: it acts on no body.
+        // For the balance of the momentum: they act on no body.
+        for load in at_joints.into_iter().chain(at_planes) {
             self.loads.truncate(self.owned);
             self.loads.push(load);
             self.owned += 1;

@@ -12,8 +12,9 @@ use super::body_map::{BodyMap, GHOSTS, MapGrid};
 use base::units::LatticeUnits;
 use lbm::fluid::Fluid;
 use lbm::lanes::Stored;
-use lbm::links::Load;
 use lbm::links::fixed::{FixedLink, bounce_fixed};
+use lbm::links::mirrored::{MirroredLink, bounce_mirrored};
+use lbm::links::{BodyLink, Load, Rigid, Scheme};
 use lbm::populations::Populations;
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -25,7 +26,7 @@ const CLEARED: u64 = 64;
 const GROUP: usize = 2048;
 /// Owner tag of fluid cells.
 const WATER: u16 = 0;
-/// Distance from the middle of a link below which a cut counts as half-way, because of rounding.
+/// Distance in cells from the middle of a link, or from a surface, that is attributed to rounding.
 const HALF: f64 = 1e-9;
 
 /// Group of links of one structure.
@@ -55,6 +56,16 @@ struct Cut {
     parts: [f64; 2],
 }
 
+/// Link through planes of symmetry that ends in the mirror image of a solid, or behind one.
+#[derive(Clone, Copy, Debug)]
+struct MirroredCut {
+    cell: [i32; 3],
+    direction: usize,
+    structure: usize,
+    /// Distance of the surface from the cell as a fraction of the link.
+    part: f64,
+}
+
 /// Structures of one slab.
 #[derive(Debug)]
 pub struct StructureMap {
@@ -68,6 +79,9 @@ pub struct StructureMap {
     owner: Vec<u16>,
     groups: Vec<Group>,
     links: Vec<Vec<FixedLink>>,
+    /// Links through planes of symmetry of each structure, with the positions in the map of
+    /// their cells and of the cells behind them.
+    mirrored: Vec<(Vec<MirroredLink>, Vec<[u32; 2]>)>,
     group_loads: Vec<Load>,
     loads: Vec<Load>,
     /// Positions in the lattice of the solid cells of the slab.
@@ -91,6 +105,7 @@ impl StructureMap {
             .cells()
             .map(|n| i32::try_from(n).unwrap_or(i32::MAX));
         let structures = solids.len();
+        let mirrors = grid.mirrored.iter().flatten().any(|plane| *plane);
         let mut map = Self {
             solids,
             grid,
@@ -100,8 +115,9 @@ impl StructureMap {
             owner: Vec::new(),
             groups: Vec::new(),
             links: Vec::new(),
+            mirrored: Vec::new(),
             group_loads: Vec::new(),
-            loads: vec![[0; 6]; structures],
+            loads: vec![[0; 6]; structures + usize::from(mirrors)],
             inside: Vec::new(),
             sheets: HashSet::new(),
         };
@@ -112,7 +128,9 @@ impl StructureMap {
         let count: i32 = (0..3).map(size).product();
         map.owner = vec![WATER; usize::try_from(count).unwrap_or(0)];
         let near = map.classify();
+        let mirrored = map.mirrored_cuts(&near, populations);
         map.cut(&near, populations);
+        map.mirror(&mirrored, populations);
         for (at, position) in populations.interior() {
             let cell = at.map(|v| i32::try_from(v).unwrap_or(i32::MAX));
             if map.owner[map.position(cell)] != WATER {
@@ -142,6 +160,7 @@ impl StructureMap {
             cells: fluid.domain_cells(),
             start: fluid.start(),
             periodic: fluid.periodic(),
+            mirrored: fluid.planes_of_symmetry(),
             origin: [0.0; 3],
             spacing: units.spacing,
         };
@@ -273,7 +292,9 @@ impl StructureMap {
                     if one && distance.abs() <= far {
                         near.insert(low);
                     }
-                    if distance < 0.0 {
+                    // A centre on a surface is water, whatever the rounding: a face through centres and its mirror
+                    // image have the same cells.
+                    if distance < -HALF * self.grid.spacing {
                         self.fill(low, high, tag);
                     }
                     continue;
@@ -329,6 +350,16 @@ impl StructureMap {
     ) -> Option<(usize, [f64; 2])> {
         let from = self.centre(cell.map(f64::from));
         let along = c.map(|c| f64::from(c) * self.grid.spacing);
+        self.cut_of_line(from, along, found)
+    }
+
+    /// Returns the first intersection of the surfaces with a line, like [`Self::crossing`].
+    fn cut_of_line(
+        &self,
+        from: [f64; 3],
+        along: [f64; 3],
+        found: &mut Vec<[f64; 2]>,
+    ) -> Option<(usize, [f64; 2])> {
         let length = along.iter().map(|x| x * x).sum::<f64>().sqrt();
         let mut best: Option<(usize, [f64; 2])> = None;
         for (n, solid) in self.solids.iter().enumerate() {
@@ -428,14 +459,13 @@ impl StructureMap {
                 let away = if end == 0 { -1 } else { 1 };
                 let behind: [i32; 3] = std::array::from_fn(|a| own[a] + away * c[a]);
                 let direction = u8::try_from(directions[end]).unwrap_or(0);
-                let open = self.held(behind)
-                    && self.in_domain(behind)
-                    && self.owner[self.position(behind)] == WATER
-                    && !self.sheets.contains(&(self.position(own), direction));
+                let open =
+                    self.is_open(behind) && !self.sheets.contains(&(self.position(own), direction));
                 let q = cut.parts[end].clamp(0.0, 1.0);
                 if self.interpolated && open && (q - 0.5).abs() > HALF {
                     ends.kappa[end] = (1.0 - 2.0 * q) / (1.0 + 2.0 * q);
-                    ends.behind[end] = u32::try_from(self.position(behind)).unwrap_or(u32::MAX);
+                    let water = self.grid.image(self.dimension, behind).unwrap_or(behind);
+                    ends.behind[end] = u32::try_from(self.position(water)).unwrap_or(u32::MAX);
                 }
             }
             let cell = cut.cells[0];
@@ -465,6 +495,153 @@ impl StructureMap {
                 });
             }
         }
+    }
+
+    /// Lists the links through planes of symmetry that end in the mirror image of a solid.
+    fn mirror<S: Stored>(&mut self, cuts: &[MirroredCut], populations: &Populations<S>) {
+        if self.loads.len() == self.solids.len() {
+            return;
+        }
+        let velocities = populations.velocities();
+        let mut lists = vec![(Vec::new(), Vec::new()); self.solids.len()];
+        for cut in cuts {
+            let c = velocities.c[cut.direction].map(i32::from);
+            let start = |a: usize| i32::try_from(self.grid.start[a]).unwrap_or(i32::MAX);
+            // Before the plane the link hits the structure, behind it the image; then its own image hits the structure.
+            let hits = if cut.part < 0.5 {
+                c
+            } else {
+                self.turned(cut.cell, c)
+            };
+            let acts = velocities.c.iter().position(|v| v.map(i32::from) == hits);
+            let number = |direction: usize| u8::try_from(direction).unwrap_or(0);
+            let cell = populations.cell(cut.cell.map(|v| v as isize));
+            let behind: [i32; 3] = std::array::from_fn(|a| cut.cell[a] - c[a]);
+            let back = number(velocities.opposite[cut.direction]);
+            let open =
+                self.is_open(behind) && !self.sheets.contains(&(self.position(cut.cell), back));
+            let interpolates = self.interpolated && open && (cut.part - 0.5).abs() > HALF;
+            let kappa = (1.0 - 2.0 * cut.part) / (1.0 + 2.0 * cut.part);
+            let half = BodyLink {
+                link: populations.link(cell, cut.direction),
+                middle: std::array::from_fn(|a| {
+                    if a < self.dimension {
+                        2 * (cut.cell[a] + start(a)) + 1 + c[a]
+                    } else {
+                        0
+                    }
+                }),
+                direction: number(acts.unwrap_or(0)),
+                loads: true,
+                moves: false,
+                backed: interpolates,
+            };
+            let (links, places) = &mut lists[cut.structure];
+            links.push(MirroredLink {
+                half,
+                leaves: number(cut.direction),
+                kappa: Some(if interpolates { kappa } else { 0.0 }),
+            });
+            let place = |cell| u32::try_from(self.position(cell)).unwrap_or(u32::MAX);
+            let water = self.grid.image(self.dimension, behind).unwrap_or(behind);
+            places.push([
+                place(cut.cell),
+                place(if interpolates { water } else { cut.cell }),
+            ]);
+        }
+        self.mirrored = lists;
+    }
+
+    /// Reflects populations on the links through planes of symmetry and adds their loads.
+    fn bounce_at_planes<S: Stored>(&mut self, populations: &mut Populations<S>) {
+        let still = Rigid::default();
+        let mut planes = [0; 3];
+        for ((links, _), sum) in self.mirrored.iter().zip(&mut self.loads) {
+            let mut load: Load = [0; 6];
+            let scheme = Scheme::HalfWay;
+            if self.dimension == 2 {
+                bounce_mirrored::<S, 2>(populations, scheme, links, &still, &[], &mut load);
+            } else {
+                bounce_mirrored::<S, 3>(populations, scheme, links, &still, &[], &mut load);
+            }
+            for a in 0..6 {
+                sum[a] += load[a];
+            }
+            for a in 0..3 {
+                planes[a] -= load[a];
+            }
+        }
+        // The momentum that the planes receive instead of the images of the structures.
+        if let Some(last) = self.loads.get_mut(self.solids.len()) {
+            last[..3].copy_from_slice(&planes);
+        }
+    }
+
+    /// Returns `true` if a cell is water of the domain or the image of such a cell across planes of symmetry.
+    fn is_open(&self, cell: [i32; 3]) -> bool {
+        let inside = self.in_domain(cell).then_some(cell);
+        let at = inside.or_else(|| self.grid.image(self.dimension, cell));
+        self.held(cell)
+            && at.is_some_and(|at| self.held(at) && self.owner[self.position(at)] == WATER)
+    }
+
+    /// Returns a direction from a cell with its components through planes of symmetry reversed.
+    fn turned(&self, cell: [i32; 3], c: [i32; 3]) -> [i32; 3] {
+        let next: [i32; 3] = std::array::from_fn(|a| cell[a] + c[a]);
+        let image = self.grid.image(self.dimension, next).unwrap_or(next);
+        std::array::from_fn(|a| if image[a] == next[a] { c[a] } else { -c[a] })
+    }
+
+    /// Finds the links from cells of water of the slab through planes of symmetry whose image a surface cuts; records
+    /// those between two fluid cells.
+    fn mirrored_cuts<S: Stored>(
+        &mut self,
+        near: &[[i32; 3]],
+        populations: &Populations<S>,
+    ) -> Vec<MirroredCut> {
+        let velocities = populations.velocities();
+        let (mut found, mut cuts) = (Vec::new(), Vec::new());
+        for &cell in near {
+            if self.owner[self.position(cell)] != WATER || !self.in_domain(cell) {
+                continue;
+            }
+            for direction in 1..velocities.q() {
+                let c = velocities.c[direction].map(i32::from);
+                let next = std::array::from_fn(|a| cell[a] + c[a]);
+                let Some(image) = self.grid.image(self.dimension, next) else {
+                    continue;
+                };
+                if !self.held(image) {
+                    continue;
+                }
+                // The line to the plane, and that from there to the image.
+                let half = |c: [i32; 3]| c.map(|c| 0.5 * f64::from(c) * self.grid.spacing);
+                let (from, along) = (self.centre(cell.map(f64::from)), half(c));
+                let plane = std::array::from_fn(|a| from[a] + along[a]);
+                let first = self.cut_of_line(from, along, &mut found);
+                let first = first.map(|(n, [part, _])| (n, 0.5 * part));
+                let cut = first.or_else(|| {
+                    let second = self.cut_of_line(plane, half(self.turned(cell, c)), &mut found);
+                    second.map(|(n, [part, _])| (n, 0.5 + 0.5 * part))
+                });
+                let cut = match self.owner[self.position(image)] {
+                    WATER => cut,
+                    tag => Some((usize::from(tag) - 1, cut.map_or(0.5, |(_, part)| part))),
+                };
+                if cut.is_some() && self.owner[self.position(image)] == WATER {
+                    let number = u8::try_from(direction).unwrap_or(0);
+                    self.sheets.insert((self.position(cell), number));
+                }
+                let cut = cut.filter(|_| self.interior(cell));
+                cuts.extend(cut.map(|(structure, part)| MirroredCut {
+                    cell,
+                    direction,
+                    structure,
+                    part,
+                }));
+            }
+        }
+        cuts
     }
 
     /// Returns `true` if the centre of a cell of the slab is in a structure (local coordinates).
@@ -509,10 +686,12 @@ impl StructureMap {
                 *sum += part;
             }
         }
+        self.bounce_at_planes(populations);
     }
 
     /// Returns the loads of the last step on each structure by the links of this slab: force, and twice the moment
-    /// about the lower corner of the domain. The sum over ranks is exact.
+    /// about the lower corner of the domain. The sum over ranks is exact. With planes of symmetry the last entry is the
+    /// load on the planes in place of the images of structures, for the balance of the momentum.
     #[must_use]
     pub fn loads(&self) -> &[Load] {
         &self.loads
@@ -528,6 +707,12 @@ impl StructureMap {
                     link.wet[end] = wet;
                     link.kappa[end] = if wet && backed { ends.kappa[end] } else { 0.0 };
                 }
+            }
+        }
+        for (links, places) in &mut self.mirrored {
+            for (link, [own, behind]) in links.iter_mut().zip(places) {
+                link.half.loads = bodies.is_water(*own);
+                link.half.backed = link.half.loads && bodies.is_water(*behind);
             }
         }
     }

@@ -15,7 +15,8 @@ use structure::Images;
 
 /// Number of sub-cells along an edge of a cell, in 2-D and in 3-D.
 const DIVISIONS: [usize; 2] = [32, 8];
-/// Length of a solid part of a line, in sub-cells, below which it is rounding.
+/// Length of a solid part of a line, in sub-cells, below which it is rounding. A centre of a sub-cell on a surface is
+/// water.
 const ROUNDING: f64 = 1e-9;
 
 /// Part of a cell that structures leave to the water.
@@ -125,7 +126,7 @@ impl Division<'_> {
                     sub[axis] = level;
                     let (low, high) = (real(level) * edge, real(level + 1) * edge);
                     let mark = &mut marks[self.index(sub)];
-                    if parts.iter().any(|[s, t]| *s < low && low < *t) {
+                    if parts.iter().any(|[s, t]| s + near < low && low + near < *t) {
                         *mark |= 1;
                     }
                     let cuts = |[s, t]: &[f64; 2]| t.min(high) - s.max(low) > near;
@@ -138,7 +139,7 @@ impl Division<'_> {
             for level in [0, steps] {
                 for sub in self.layer(axis, level) {
                     let at = self.centre(cell, sub);
-                    if self.solids.iter().any(|solid| solid.distance(at) < 0.0) {
+                    if self.solids.iter().any(|solid| solid.distance(at) < -near) {
                         marks[self.index(sub)] |= 1;
                     }
                 }

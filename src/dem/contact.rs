@@ -159,7 +159,7 @@ pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
     fn between(row: &Self::Row, pair: &PairProperties) -> Self::Constants {
         Self::constants(row, &Self::scale(row, pair), pair.diameter)
     }
-    /// Returns the force, and the history after this step. Called if the surfaces overlap or the pair is bonded;
+    /// Returns the force, and the history after this step. Called if the surfaces overlap or [`Self::holds`];
     /// otherwise the history is dropped.
     fn force(
         constants: &Self::Constants,
@@ -191,6 +191,15 @@ pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
     fn bonded(_: &Self::History) -> bool {
         false
     }
+    /// Returns `true` if a pair with this history acts across a gap, by a bond or a capillary bridge.
+    #[inline(always)]
+    fn holds(history: &Self::History) -> bool {
+        Self::bonded(history)
+    }
+    /// Returns the attraction of the capillary bridge \[N\]; 0 without one.
+    fn bridge(_: &Self::History) -> f64 {
+        0.0
+    }
     /// Returns the largest gap \[m\] across which a pair is bonded.
     fn bonding_gap(_: &Self::Constants) -> f64 {
         0.0
@@ -201,7 +210,8 @@ pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
     }
     /// Removes the bond.
     fn unbond(_: &mut Self::History) {}
-    /// Returns the largest gap \[m\] over which a bonded pair still acts, for a range of mean diameters \[m\] of pairs.
+    /// Returns the largest gap \[m\] over which a pair that [`Self::holds`] still acts, for a range of mean diameters
+    /// \[m\] of pairs.
     fn widest_opening(&self, _diameters: [f64; 2]) -> f64 {
         0.0
     }

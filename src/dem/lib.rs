@@ -144,7 +144,7 @@ pub struct BondBreak<S: Space> {
     pub fluid_force: f64,
 }
 
-/// Present state of a contact or bond.
+/// Present state of a contact, of a bond or of a capillary bridge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact<S: Space> {
     /// Entry of the first grain, which has the lower id and is owned by this rank.
@@ -153,19 +153,29 @@ pub struct Contact<S: Space> {
     pub other: Option<usize>,
     /// Index of the wall; none between grains.
     pub wall: Option<u32>,
-    /// Overlap \[m\], negative for a bond in tension.
+    /// Overlap \[m\], negative for a bond in tension and a bridge across a gap.
     pub overlap: f64,
     /// Unit normal from the first grain to the second, or from the wall to the grain.
     pub normal: S::Vector,
     /// Contact point \[m\].
     pub position: S::Vector,
-    /// Force of the normal spring \[N\], positive in compression.
+    /// Force of the normal spring less that of the bridge \[N\], positive in compression.
     pub normal_force: f64,
     /// Force of the shear spring on the second grain, or at a wall on the grain \[N\]; zero for contacts of
     /// polyhedra.
     pub shear_force: S::Vector,
     /// `true` if the contact is bonded.
     pub bonded: bool,
+    /// Attraction of the capillary bridge \[N\]; 0 without one.
+    pub bridge: f64,
+}
+
+impl<S: Space> Contact<S> {
+    /// Returns `true` if the surfaces overlap or are bonded: a bridge across a gap is no contact.
+    #[must_use]
+    pub fn touches(&self) -> bool {
+        self.overlap > 0.0 || self.bonded
+    }
 }
 
 /// Counts on one rank; sums over ranks count each item once.
@@ -183,6 +193,8 @@ pub struct Statistics {
     pub contacts: u64,
     /// Number of contacts with a bond.
     pub bonds: u64,
+    /// Number of capillary bridges, at contacts and across gaps.
+    pub bridges: u64,
     /// Largest overlap divided by the smaller diameter.
     pub largest_overlap: f64,
     /// Number of times that lists were built.

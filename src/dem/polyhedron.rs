@@ -37,7 +37,7 @@ mod separating_axes;
 pub mod shape;
 mod shape_error;
 
-pub use contact::{BlockContactModel, BlockHistory, Geometry, Hidden, Narrow, Placed};
+pub use contact::{BlockContactModel, BlockHistory, Geometry, Hidden, Narrow, Placed, penetration};
 pub use force::{BlockPairLaw, ContactResponse, Stiffness};
 pub use piece::Piece;
 pub use rotation::{Damping, RotationState};

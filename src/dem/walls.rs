@@ -103,6 +103,17 @@ impl<S: Space> Wall<S> {
         self.normal.scalar(&(*point - self.point))
     }
 
+    /// Returns `true` if the present wall stops a ball of this radius \[m\] at a position: it reaches the facets, or
+    /// the far side of the plane.
+    #[must_use]
+    pub fn stops(&self, at: &S::Vector, radius: f64) -> bool {
+        !self.open
+            && self.surface.as_ref().map_or_else(
+                || self.distance(at) < radius,
+                |surface| surface.is_within(&self.local(at), radius),
+            )
+    }
+
     /// Returns the walls of a box along its non-periodic `axes`: lower and upper face of each, in the order of the
     /// axes.
     #[must_use]

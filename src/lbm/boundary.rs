@@ -534,6 +534,24 @@ impl<S: Stored> Boundaries<S> {
         mirrored
     }
 
+    /// Returns `true` for each end of an axis whose face is a plane of symmetry as a whole, for a domain of `cells`.
+    #[must_use]
+    pub fn planes_of_symmetry(&self, cells: [usize; 3]) -> [[bool; 2]; 3] {
+        let is_mirror = |patch: &Patch<S>| patch.rule.kind().surface == SurfaceKind::Symmetry;
+        let covers = |patch: &Patch<S>| {
+            (0..3)
+                .filter(|a| *a != patch.axis)
+                .all(|a| patch.range[a][0] <= 0.0 && patch.range[a][1] >= real(cells[a]))
+        };
+        std::array::from_fn(|axis| {
+            [false, true].map(|upper| {
+                let stated = self.patches.iter().take(self.count() - FACES);
+                let mut own = stated.filter(|patch| patch.axis == axis && patch.upper == upper);
+                own.clone().any(covers) && own.all(is_mirror)
+            })
+        })
+    }
+
     /// Returns the names of the patches, in the order of [`Boundaries::fluxes`].
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.patches.iter().map(|p| p.name.as_str())

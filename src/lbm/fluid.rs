@@ -722,6 +722,18 @@ impl<S: Stored> Fluid<S> {
         self.populations.set_home();
     }
 
+    /// Returns `true` for each end of an axis at which flow and bodies continue as their mirror images.
+    #[must_use]
+    pub fn planes_of_symmetry(&self) -> [[bool; 2]; 3] {
+        let mut planes = self.boundaries.planes_of_symmetry(self.extent.cells);
+        for (plane, periodic) in planes.iter_mut().zip(self.periodic()) {
+            if periodic {
+                *plane = [false; 2];
+            }
+        }
+        planes
+    }
+
     /// Returns the number of cells of the whole domain.
     #[must_use]
     pub fn domain_cells(&self) -> [usize; 3] {

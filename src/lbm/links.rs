@@ -21,6 +21,7 @@
 //! affect them.
 
 pub mod fixed;
+pub mod mirrored;
 
 pub use super::rigid::Rigid;
 

@@ -98,10 +98,16 @@ impl Averages {
     /// If samples before `step` would be included that the plan does not request, or with another weight; the error
     /// is the field that changed.
     pub fn continues(old: &Plan, new: &Plan, step: u64) -> Result<bool, &'static str> {
-        let (Some((old_first, old_every)), Some((first, every))) =
-            (Self::schedule(old), Self::schedule(new))
-        else {
+        let Some((first, every)) = Self::schedule(new) else {
             return Ok(false);
+        };
+        let Some((old_first, old_every)) = Self::schedule(old) else {
+            // Without sums of the time before the checkpoint the averages start later.
+            return if first > step {
+                Ok(false)
+            } else {
+                Err("output.averages.from")
+            };
         };
         if (old_first, old_every) == (first, every) {
             return Ok(true);

@@ -1,4 +1,5 @@
-//! Contacts and bonds as lines from centre to centre, or from a centre to the contact point on a wall or a block.
+//! Contacts, bonds and capillary bridges as lines from centre to centre, or from a centre to the contact point on a
+//! wall or a block.
 
 use super::grains::{force_unit, space_vector, wrapped};
 use super::order::{sorted, vector};
@@ -22,13 +23,23 @@ pub(crate) struct Contacts {
     normal_force: Vec<f64>,
     overlap: Vec<f64>,
     bonded: Vec<u8>,
+    /// Forces of the bridges; none if the contact law has no bridges.
+    bridge: Option<Vec<f64>>,
 }
 
-/// Numbers per row: grain, other grain or [`NONE`], wall or [`NONE`], bonded, force, overlap, then both ends.
-const NUMBERS: usize = 6 + 2 * 3;
+/// Numbers per row: grain, other grain or [`NONE`], wall or [`NONE`], bonded, force, overlap, both ends, bridge.
+const NUMBERS: usize = 6 + 2 * 3 + 1;
 const NONE: u64 = u64::MAX;
 
 impl Contacts {
+    /// Returns empty buffers, with a column of bridges if the contact law has `bridges`.
+    pub(crate) fn new(bridges: bool) -> Self {
+        Self {
+            bridge: bridges.then(Vec::new),
+            ..Self::default()
+        }
+    }
+
     /// Reads the contacts of every rank. Collective.
     pub(crate) fn read<S: Space>(
         &mut self,
@@ -57,6 +68,9 @@ impl Contacts {
             self.bonded.push(u8::from(row[3] == 1));
             self.normal_force.push(f64::from_bits(row[4]));
             self.overlap.push(f64::from_bits(row[5]));
+            if let Some(bridge) = &mut self.bridge {
+                bridge.push(f64::from_bits(row[12]));
+            }
         }
         Ok(())
     }
@@ -70,6 +84,9 @@ impl Contacts {
         self.normal_force.clear();
         self.overlap.clear();
         self.bonded.clear();
+        if let Some(bridge) = &mut self.bridge {
+            bridge.clear();
+        }
     }
 
     /// Returns the lines of this rank.
@@ -80,22 +97,23 @@ impl Contacts {
             components: 1,
             data,
         };
+        let force = force_unit(dimension);
+        let mut cell_columns = vec![
+            column("grain", "-", Data::I64(&self.grain)),
+            column("other", "-", Data::I64(&self.other)),
+            column("wall", "-", Data::I32(&self.wall)),
+            column("normal_force", force, Data::F64(&self.normal_force)),
+            column("overlap", "m", Data::F64(&self.overlap)),
+            column("bonded", "-", Data::U8(&self.bonded)),
+        ];
+        if let Some(bridge) = &self.bridge {
+            cell_columns.push(column("bridge_force", force, Data::F64(bridge)));
+        }
         MeshData {
             points: Data::F64(&self.points),
             cells: Cells::Lines(&self.lines),
             point_columns: Vec::new(),
-            cell_columns: vec![
-                column("grain", "-", Data::I64(&self.grain)),
-                column("other", "-", Data::I64(&self.other)),
-                column("wall", "-", Data::I32(&self.wall)),
-                column(
-                    "normal_force",
-                    force_unit(dimension),
-                    Data::F64(&self.normal_force),
-                ),
-                column("overlap", "m", Data::F64(&self.overlap)),
-                column("bonded", "-", Data::U8(&self.bonded)),
-            ],
+            cell_columns,
         }
     }
 }
@@ -126,6 +144,7 @@ fn row<S: Space>(contact: &Contact<S>, particles: &Particles<S>, grid: &Grid) ->
         0,
         0,
         0,
+        contact.bridge.to_bits(),
     ];
     for axis in 0..3 {
         row[6 + axis] = from[axis].to_bits();

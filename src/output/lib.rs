@@ -132,7 +132,11 @@ impl Outputs {
         let grains = grains.transpose()?;
         let contacts = written.contacts.as_ref();
         let contacts = contacts
-            .map(|output| place.open("contacts", Some(output.every), Contacts::default()))
+            .map(|output| {
+                let law = plan.scene.contact.as_ref();
+                let bridges = law.is_some_and(|contact| contact.model().bridges());
+                place.open("contacts", Some(output.every), Contacts::new(bridges))
+            })
             .transpose()?;
         let blocks = written.blocks.as_ref();
         let blocks = blocks

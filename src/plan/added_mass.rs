@@ -43,6 +43,7 @@ use base::error::Remedy;
 use case::coupling::{Coupling, SolidOperator};
 use dem::polyhedron::PlacedPolyhedron;
 use lbm::saturation::{DensityRatios, LightBody};
+use std::f64::consts::PI;
 
 /// Values of s R above which bodies with links are stable, by relaxation time: a table for discs and one for spheres.
 const LINKS: [&[(f64, f64)]; 2] = [
@@ -147,6 +148,21 @@ fn below_surface(bounds: DensityRatios, dimension: usize, radius: f64) -> Densit
     }
 }
 
+/// Added mass of a disc that touches a wall, for motion along the normal of the wall, relative to that far from walls:
+/// pi²/3 - 1 (H. Lamb, Hydrodynamics, 1932, from two equal cylinders in contact).
+const AT_A_WALL: f64 = PI * PI / 3.0 - 1.0;
+
+/// Returns the bounds of the density ratio of a disc that sinks to the floor of water with a free surface.
+///
+/// Discs of 1.1, 1.3 and 1.5 times the density of water and a radius of 5 cells, and of 1.1 times and 10 cells, were
+/// thrown about by growing forces when they arrived at the floor; one of 2.0 times and 5 cells came to rest.
+fn above_a_floor(bounds: DensityRatios) -> DensityRatios {
+    DensityRatios {
+        holds: AT_A_WALL * bounds.holds,
+        ..bounds
+    }
+}
+
 /// A kind of body that moves by forces.
 struct Kind {
     material: usize,
@@ -228,6 +244,9 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
         let mut bounds = bounds(coupling, operator, tau, scene.grid.dimension, kind.radius);
         if scene.surface.is_some() {
             bounds = below_surface(bounds, scene.grid.dimension, kind.radius);
+            if scene.grid.dimension == 2 && ratio > 1.0 {
+                bounds = above_a_floor(bounds);
+            }
         }
         if kind.packed {
             let flat = scene.grid.dimension == 2;
@@ -360,6 +379,34 @@ mod tests {
         let table = [(0.5, 1.0), (1.0, 2.0), (2.0, 1.0)];
         let read = [0.2, 0.5, 0.75, 1.0, 1.5, 3.0].map(|x| between(&table, x));
         assert_eq!(read, [1.0, 1.0, 1.5, 2.0, 1.5, 0.0]);
+    }
+
+    /// Checks discs of 5 and 10 cells that sink to the floor below a free surface, as observed in runs.
+    #[test]
+    fn a_disc_that_sinks_to_a_floor_needs_more_density() {
+        let judged = |density: f64, spacing: f64| {
+            let case = json!({
+                "domain": {"size": [0.8, 0.4], "spacing": spacing}, "gravity": [0, -9.81],
+                "materials": {"body": {"density": density}},
+                "fluid": {"lattice_boltzmann": {"density": 1000, "kinematic_viscosity": 1e-6,
+                    "collision": {"bgk": {}}, "turbulence": {"smagorinsky": {}}, "time_step": 0.02 * spacing,
+                    "surface": {"water": [{"level": 0.2}]}}},
+                "bodies": [{"name": "body", "shape": {"disc": {"radius": 0.05}}, "position": [0.4, 0.3],
+                    "motion": {"free": {}}, "material": "body"}],
+                "contact": {"linear": {"normal_stiffness": {"absolute": 1e5}, "friction_angle_degrees": 20}},
+                "box_walls": ["x_min", "x_max", "y_min"], "box_wall_material": "body",
+                "coupling": {"partially_saturated": {}}, "time": {"end": 1}
+            });
+            let document = Document::read(&case.to_string(), &[], Path::new("")).unwrap();
+            let problems = match Plan::prepare(document) {
+                Ok(plan) => plan.warnings,
+                Err(problems) => problems,
+            };
+            problems.iter().any(|p| p.path == "materials.body.density")
+        };
+        assert!(judged(1100.0, 0.01) && judged(1300.0, 0.01) && judged(1500.0, 0.01));
+        assert!(judged(1100.0, 0.005));
+        assert!(!judged(2600.0, 0.01));
     }
 
     /// Checks bodies near the measured stability limits of the disc of five cells: s = 0.136 with links and 0.47

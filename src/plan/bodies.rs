@@ -12,7 +12,7 @@ use crate::scene::blocks::PlacedBlocks;
 use crate::scene::findings::{Findings, length_of, number};
 use crate::scene::grains::GrainSource;
 use base::error::Remedy;
-use case::coupling::Coupling;
+use case::coupling::{Coupling, Weighting};
 
 /// Minimum number of cells in a diameter.
 const MIN_CELLS: f64 = 4.0;
@@ -27,7 +27,26 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
         return;
     };
     diameters(scene, coupling, margins, findings);
+    buoyancy(scene, coupling, findings);
     thickness(scene, margins, findings);
+}
+
+/// Warns of a stated viscous weighting where the hydrostatic pressure of the lattice carries bodies: cells covered in
+/// part count by less than their fraction, so that the buoyancy is that of a smaller body.
+fn buoyancy(scene: &Scene, coupling: &Coupling, findings: &mut Findings) {
+    let (Coupling::PartiallySaturated(written), Some(flow)) = (coupling, &scene.flow) else {
+        return;
+    };
+    let viscous = written.weighting == Some(Weighting::Viscous);
+    if viscous && flow.hydrostatic && flow.solid_operator(written).model().weighted() {
+        let path = "coupling.partially_saturated.weighting";
+        findings.warn(
+            path,
+            "gravity acts on the water, and with the viscous weighting cells covered in part carry less of its \
+             pressure than their fraction: the buoyancy of a disc of 10 cells was 21 % too small, of 20 cells 10 %",
+            Remedy::from("use `fraction`").set(path, "fraction"),
+        );
+    }
 }
 
 fn grains_path(source: &GrainSource) -> &'static str {

@@ -136,7 +136,7 @@ pub(super) fn check(
     let (law, dt) = (contact.model(), clock.solid_time_step);
     openings(scene, law, findings);
     if bonds(scene, law) {
-        bonds::warn_without_bonds(scene, law, findings);
+        bonds::check_bonds(scene, law, findings);
     }
     let limits = match law.blocks() {
         Some(law) => {

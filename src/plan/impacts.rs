@@ -63,6 +63,8 @@ struct Moving {
     may_fall: bool,
     /// `true` if this is one body; `false` if it stands for several of a source.
     single: bool,
+    /// `true` for a grain that appears during the run, in free space: nothing supports it, and it supports nothing.
+    appears: bool,
 }
 
 impl Moving {
@@ -78,6 +80,7 @@ impl Moving {
             at: [0.0; 3],
             may_fall: false,
             single: false,
+            appears: false,
         }
     }
 
@@ -206,6 +209,7 @@ impl ImpactPartners {
                     // A block of a rock mass is supported by others.
                     may_fall: false,
                     single: true,
+                    appears: false,
                 });
             }
         }
@@ -272,6 +276,7 @@ impl ImpactPartners {
                         velocity: *velocity,
                         at: highest,
                         may_fall: true,
+                        appears: true,
                         ..Moving::ball(scene, path, *material, radius)
                     });
                 }
@@ -286,7 +291,12 @@ fn mark_supported_bodies(scene: &Scene, moving: &mut [Moving], standing: &[Ball]
         .iter()
         .map(|one| Ball {
             at: one.at,
-            reach: (1.0 + SUPPORT_GAP) * one.reach,
+            // A ball without a reach is near none.
+            reach: if one.appears {
+                0.0
+            } else {
+                (1.0 + SUPPORT_GAP) * one.reach
+            },
         })
         .collect();
     balls.extend_from_slice(standing);
@@ -297,6 +307,9 @@ fn mark_supported_bodies(scene: &Scene, moving: &mut [Moving], standing: &[Ball]
         ControlFlow::Continue(())
     });
     for (one, touches) in moving.iter_mut().zip(touches) {
+        if one.appears {
+            continue;
+        }
         // A wall that is removed during the run is not a permanent support.
         let mut lasting = scene.walls.iter().filter(|wall| !wall.is_timed());
         let next_to_wall = lasting.any(|wall| {
@@ -700,6 +713,45 @@ mod tests {
             critical(&absolute),
             max_relative = 1e-9
         );
+    }
+
+    /// Checks that grains of a feed fall like a listed grain at the top of its box, in a case without other grains.
+    #[test]
+    fn a_generated_grain_falls_like_a_listed_one() {
+        let case = |grains: serde_json::Value, regions: serde_json::Value| {
+            let mut case = serde_json::json!({
+                "domain": {"size": [0.2, 0.2, 1.0], "spacing": 0.02}, "gravity": [0, 0, -9.81],
+                "materials": {"m": {"density": 2500}},
+                "contact": {"linear": {"normal_stiffness": {"absolute": 1e3}, "friction_angle_degrees": 25}},
+                "box_walls": ["z_min"], "box_wall_material": "m", "time": {"end": 1},
+                "probes": [{"name": "g", "every": 0.1, "at": {"grains": {}}}],
+                "output": {"grains": {"every": 0.5}}
+            });
+            if !grains.is_null() {
+                case["grains"] = grains;
+            }
+            case["regions"] = regions;
+            let document = Document::read(&case.to_string(), &[], Path::new(".")).unwrap();
+            Plan::prepare(document).unwrap_or_else(|problems| panic!("{problems:#?}"))
+        };
+        let fed = case(
+            serde_json::Value::Null,
+            serde_json::json!([{"name": "feed", "box": {"from": [0, 0, 0.85], "to": [0.2, 0.2, 0.95]},
+                "action": {"generate": {"rate": 10, "material": "m", "radii": {"list": [0.01]}}}}]),
+        );
+        let listed = case(
+            serde_json::json!({"material": "m", "initial": {"list": [
+                {"position": [0.1, 0.1, 0.95], "radius": 0.01}]}}),
+            serde_json::json!([]),
+        );
+        assert!(part(&listed) > 0.5, "{}", part(&listed));
+        assert!(
+            (part(&fed) / part(&listed) - 1.0).abs() < 1e-9,
+            "{} {}",
+            part(&fed),
+            part(&listed)
+        );
+        assert_eq!(severity(&fed), severity(&listed));
     }
 
     /// Checks that a sphere in the still water of a seepage hits the floor with the settling speed of the drag law: by

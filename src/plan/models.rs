@@ -714,7 +714,7 @@ fn name(coupling: &Coupling, flow: &Flow) -> String {
     let chosen = flow.solid_operator(written).model();
     let operator = chosen.describe();
     let weighting = if chosen.weighted() {
-        written.weighting.describe()
+        flow.weighting(written).describe()
     } else {
         "no weighting"
     };

@@ -45,7 +45,7 @@ use base::error::{Problem, Remedy, Report};
 use case::Case;
 use case::coupling::Coupling;
 use case::fluid::Fluid;
-use case::observe::Output;
+use case::observe::{Action, Output};
 use case::solids;
 use case::time::{Checkpoint, Guards, SolidSteps, Time};
 use dem::contact::{blocks as law_of_blocks, linear};
@@ -455,7 +455,13 @@ impl Scene {
     /// Returns `true` if there are solids.
     #[must_use]
     pub fn has_solids(&self) -> bool {
-        self.grains.is_some() || self.blocks.is_some() || !self.bodies.is_empty()
+        let feeds = |region: &observe::ObservedRegion| {
+            matches!(region.action, observe::RegionAction::Generate { .. })
+        };
+        self.grains.is_some()
+            || self.blocks.is_some()
+            || !self.bodies.is_empty()
+            || self.regions.iter().any(feeds)
     }
 
     /// Frees the listed grains once the run contains them; each takes some hundred bytes.
@@ -489,7 +495,22 @@ impl Scene {
 }
 
 fn has_solids(case: &Case) -> bool {
-    case.grains.is_some() || case.blocks.is_some() || !case.bodies.is_empty()
+    has_grains(case) || case.blocks.is_some() || !case.bodies.is_empty()
+}
+
+/// Returns `true` if the case has grains at the start or generates grains.
+pub(crate) fn has_grains(case: &Case) -> bool {
+    case.grains.is_some() || feeds(case).next().is_some()
+}
+
+/// Returns the materials of the regions that generate grains, if stated.
+fn feeds(case: &Case) -> impl Iterator<Item = Option<&String>> {
+    case.regions
+        .iter()
+        .filter_map(|region| match &region.action {
+            Action::Generate { material, .. } => Some(material.as_ref()),
+            _ => None,
+        })
 }
 
 /// Checks that the parts of a case fit each other.
@@ -540,7 +561,7 @@ fn check_agreement(case: &Case, findings: &mut Findings) {
 
 /// Checks that there is a contact law if and only if bodies can move.
 fn check_contact_law(case: &Case, findings: &mut Findings) {
-    let moving = case.grains.is_some()
+    let moving = has_grains(case)
         || case.blocks.is_some()
         || case
             .bodies
@@ -670,7 +691,7 @@ pub(crate) fn has_polyhedra(case: &Case) -> bool {
 }
 
 /// Returns the default material of walls and structures: that of the grains, otherwise of the blocks, of the first
-/// free body, or of the first body.
+/// free body, of the first body, or of the first region that generates grains.
 pub(crate) fn usual_material(case: &Case) -> Option<&str> {
     let of_grains = case.grains.as_ref().map(|grains| &grains.material);
     let of_blocks = || case.blocks.as_ref().map(|blocks| &blocks.material);
@@ -682,6 +703,7 @@ pub(crate) fn usual_material(case: &Case) -> Option<&str> {
     of_grains
         .or_else(of_blocks)
         .or_else(of_bodies)
+        .or_else(|| feeds(case).flatten().next())
         .map(String::as_str)
 }
 

@@ -5,8 +5,9 @@
 //! agglomerate in the air, a named body above a bed and a grain that touches nothing have no equilibrium but the floor,
 //! so they are held at their positions ([`Kind::Held`]), unless no gravity acts. Where bonds break, the grains that
 //! lose their support are held from the next check on. The report gives the number of bonds that break in this
-//! relaxation, before the flow starts. Driven bodies and walls are stationary during the relaxation. Afterwards each
-//! grain, body and wall receives its velocity in the case.
+//! relaxation, before the flow starts, and the largest displacement: a supported piece that slides to a new position
+//! does so before time 0. Driven bodies and walls are stationary during the relaxation. Afterwards each grain, body
+//! and wall receives its velocity in the case.
 
 use super::supervision::{Request, Requests};
 use base::error::Error;
@@ -111,6 +112,41 @@ fn force_of_rounding(scene: &Scene) -> f64 {
     ROUNDINGS * f64::EPSILON * length * stiffest
 }
 
+/// Displacement of the grain or body that moved most during the relaxation.
+#[derive(Clone, Copy, Debug)]
+struct Moved {
+    /// Distance \[m\].
+    distance: f64,
+    id: u64,
+    /// Distance in radii.
+    parts: f64,
+}
+
+/// Returns the largest displacement of a grain or body from its start; none if nothing moved, or without start
+/// positions from an earlier checkpoint. Collective.
+fn farthest<S: Space>(particles: &Particles<S>, domain: &Domain) -> Option<Moved> {
+    let mut own = (0.0, u64::MAX, 0.0);
+    for k in 0..particles.owned() {
+        let distance = particles
+            .displacement(k)
+            .map_or(0.0, |moved| moved.length());
+        let body = &particles.body[k];
+        if distance > own.0 || distance == own.0 && body.id < own.1 {
+            own = (distance, body.id, body.radius);
+        }
+    }
+    let communicator = domain.communicator();
+    let distance = communicator.all_reduce_max_f64(own.0);
+    let has_it = own.0.to_bits() == distance.to_bits();
+    let id = communicator.all_reduce_min_u64(if has_it { own.1 } else { u64::MAX });
+    let radius = communicator.all_reduce_max_f64(if id == own.1 { own.2 } else { 0.0 });
+    (distance > 0.0).then(|| Moved {
+        distance,
+        id,
+        parts: distance / radius,
+    })
+}
+
 /// Returns the number of grains and bodies of this kind on all ranks. Collective.
 fn count_kind<S: Space>(particles: &Particles<S>, kind: Kind, domain: &Domain) -> u64 {
     let own = &particles.body[..particles.owned()];
@@ -166,6 +202,7 @@ impl BondRelaxation {
         for k in 0..particles.owned() {
             set_velocity(particles, k, &[0.0; 6]);
         }
+        particles.mark_start();
         let bonds = dem.bond_existing_contacts(particles, domain)?;
         hold_unsupported(dem, particles, domain)?;
         Ok(Some(Self {
@@ -262,6 +299,8 @@ impl BondRelaxation {
         dem.set_local_damping(damping);
         dem.drive_walls(&driven);
         let held = count_kind(particles, Kind::Held, domain);
+        let moved = farthest(particles, domain);
+        particles.forget_start();
         for k in 0..particles.owned() {
             if particles.body[k].kind == Kind::Held {
                 particles.set_kind(k, Kind::Free);
@@ -278,8 +317,9 @@ impl BondRelaxation {
             "solid_steps": self.steps,
             "unbalanced_force": still.unbalanced(),
             "largest_contact_force": still.contact,
+            "largest_displacement": moved.map(|moved| moved.distance),
         });
-        Ok((self.line(held, &still), report))
+        Ok((self.line(held, &still, moved), report))
     }
 
     /// Returns `true` if the resultants are small beside the forces of the contacts, or are those of rounding: in a sample
@@ -289,7 +329,7 @@ impl BondRelaxation {
     }
 
     /// Returns the line to print. It does not claim equilibrium where the relaxation ended at its limit of steps.
-    fn line(&self, held: u64, still: &EquilibriumState) -> String {
+    fn line(&self, held: u64, still: &EquilibriumState, moved: Option<Moved>) -> String {
         if self.bonds == 0 {
             return "no bonds: no grain touches another or a wall at the start".to_owned();
         }
@@ -304,6 +344,12 @@ impl BondRelaxation {
         if self.steps == 0 {
             return format!("{bonds} bonds{unsupported}");
         }
+        let moved = moved.map_or_else(String::new, |Moved { distance, id, parts }| {
+            let percent = 100.0 * parts;
+            format!(
+                "; the grain or body of id {id} moved most, by {distance:.2e} m ({percent:.2} % of its radius)"
+            )
+        });
         let state = if self.at_rest(still) {
             "at rest"
         } else {
@@ -311,7 +357,7 @@ impl BondRelaxation {
         };
         format!(
             "{bonds} bonds; {state} after {} solid steps (unbalanced force {}); {} bonds broke during the \
-             relaxation{unsupported}",
+             relaxation{moved}{unsupported}",
             self.steps,
             unbalanced_text(still.unbalanced()),
             self.broken

@@ -94,7 +94,7 @@ pub fn saturation(plan: &Plan) -> Option<Saturation> {
     let flow = plan.scene.flow.as_ref()?;
     Some(Saturation {
         operator: flow.solid_operator(written),
-        weighting: written.weighting,
+        weighting: flow.weighting(written),
     })
 }
 

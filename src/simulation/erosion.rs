@@ -410,7 +410,9 @@ impl ErosionRecorder {
         let ramp = pressures(plan).fold(0.0, |end: f64, history| end.max(history.end()));
         let summary = ErosionSummary {
             cohesion: cohesion_per_diameter(plan, start.diameter),
-            pressure_difference: spread(pressures(plan).map(|history| history.value(f64::INFINITY))),
+            pressure_difference: spread(
+                pressures(plan).map(|history| history.value(f64::INFINITY)),
+            ),
             ramp_end: (ramp - self.state.flow_age).max(0.0),
             initial_mass: start.mass,
             eroded_mass: self.state.eroded_mass,

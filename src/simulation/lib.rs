@@ -290,9 +290,9 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
         }
         let (particles, plan, domain) = (&mut now.particles, &now.plan, &now.domain);
         let removed = (self.removal).remove_grains(particles, plan, domain, now.step, time)?;
-        let appeared = self
-            .removal
-            .generate_grains(particles, plan, domain, time)?;
+        let walls = now.dem.as_ref().map_or(&[][..], Dem::walls);
+        let solids = (&mut *particles, walls);
+        let appeared = self.removal.generate_grains(solids, plan, domain, time)?;
         changed |= !removed.is_empty() || appeared > 0;
         if let Some(dem) = &mut now.dem {
             // All ranks have the same value without a message.

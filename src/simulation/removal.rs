@@ -18,10 +18,13 @@ use case::grains::Radii;
 use case::observe::When;
 use case::sieve;
 use decomposition::Domain;
+use dem::Wall;
 use dem::particles::{Body, Motion, Particles};
+use dem::polyhedron::{Narrow, Placed};
 use dem::space::{Components, Space};
 use nalgebra::Vector3;
 use plan::Plan;
+use plan::scene::Scene;
 use plan::scene::aligned_box::AlignedBox;
 use plan::scene::grid::Grid;
 use plan::scene::observe::RegionAction;
@@ -53,6 +56,12 @@ struct GeneratorProgress {
     grains: u64,
     /// Batches of positions drawn without success for the next grain.
     batches: u32,
+    /// Time from which the rate counts \[s\], and the number of grains generated until then: a restart may change the
+    /// rate or add the region.
+    #[serde(default)]
+    from: f64,
+    #[serde(default)]
+    before: u64,
 }
 
 /// Grains of a generating region: number due, and number for which a free position was found.
@@ -154,7 +163,7 @@ impl Removal {
             let RegionAction::Generate { rate, at_most, .. } = region.action else {
                 return None;
             };
-            let due = self.last.map_or(0, |time| grains_due(rate, time, at_most));
+            let due = (self.last).map_or(0, |time| grains_due(rate, (time, made), at_most));
             Some(Feed {
                 region: region.name.clone(),
                 due: due.max(made.grains),
@@ -253,14 +262,15 @@ impl Removal {
         Ok(all)
     }
 
-    /// Adds the grains that the generating regions owe at `time` \[s\] and returns their number, on every rank. If
-    /// any were added, the ghosts were dropped: prepare them again, which also sends each new grain to its owner.
+    /// Adds the grains that the generating regions owe at `time` \[s\] and returns their number, on every rank. `walls`
+    /// are at their present positions. If any were added, the ghosts were dropped: prepare them again, which also
+    /// sends each new grain to its owner.
     ///
     /// # Errors
     /// If the material of the region has no density.
     pub fn generate_grains<S: Space>(
         &mut self,
-        particles: &mut Particles<S>,
+        (particles, walls): (&mut Particles<S>, &[Wall<S>]),
         plan: &Plan,
         domain: &Domain,
         time: f64,
@@ -293,7 +303,7 @@ impl Removal {
                         "regions[{n}]: the material of generated grains needs a density"
                     ))
                 })?;
-            let owed = grains_due(rate, time, at_most);
+            let owed = grains_due(rate, (time, &self.state.made[n]), at_most);
             while self.state.made[n].grains < owed {
                 let made = self.state.made[n];
                 let ordinal = ((n as u64) << 48) | made.grains;
@@ -307,7 +317,8 @@ impl Removal {
                     radius,
                     &mut Stream::new(seed, ordinal, PURPOSE + 1 + made.batches),
                 );
-                let Some(at) = first_free(&places, (radius, time), particles, plan, domain) else {
+                let solids = (&*particles, walls);
+                let Some(at) = first_free(&places, radius, solids, &plan.scene, domain) else {
                     self.state.made[n].batches = (made.batches + 1) % (1 << 30);
                     break;
                 };
@@ -327,6 +338,7 @@ impl Removal {
                 self.state.made[n] = GeneratorProgress {
                     grains: made.grains + 1,
                     batches: 0,
+                    ..made
                 };
                 born += 1;
             }
@@ -340,8 +352,9 @@ impl Removal {
         self.state.clone()
     }
 
-    /// Restores the counts of [`Self::state`]. `origins` has for each region of the scene the index of the same region
-    /// in the saved run, or none for a new region; it is not needed if the regions are unchanged.
+    /// Restores the counts of [`Self::state`] at a time \[s\]. `origins` has for each region of the scene the index of
+    /// the same region in the saved run, or none for a new region; it is not needed if the regions are unchanged. The
+    /// rates of new regions and of those in `restarted` count from this time.
     ///
     /// # Errors
     ///
@@ -349,7 +362,8 @@ impl Removal {
     pub fn restore(
         &mut self,
         state: &RemovalState,
-        origins: Option<&[Option<usize>]>,
+        (origins, restarted): (Option<&[Option<usize>]>, &[usize]),
+        time: f64,
     ) -> Result<(), Error> {
         let regions = self.state.taken.len();
         let same: Vec<Option<usize>> = (0..state.taken.len()).map(Some).collect();
@@ -368,6 +382,10 @@ impl Removal {
             if let Some(old) = *origin {
                 self.state.taken[region] = state.taken[old];
                 self.state.made[region] = state.made[old];
+            }
+            let made = &mut self.state.made[region];
+            if origin.is_none() || restarted.contains(&region) {
+                (made.from, made.before) = (time, made.grains);
             }
         }
         self.state.next_id = state.next_id;
@@ -452,9 +470,10 @@ fn image(difference: f64, axis: usize, grid: &Grid) -> f64 {
 }
 
 /// Returns the number of grains that a region has to generate up to a time \[s\].
-fn grains_due(rate: f64, time: f64, at_most: Option<u32>) -> u64 {
+fn grains_due(rate: f64, (time, made): (f64, &GeneratorProgress), at_most: Option<u32>) -> u64 {
     // A product that is below a whole number only by rounding counts as that number.
-    let owed = whole((rate * time * (1.0 + 1e-12)).floor()) as u64;
+    let owed = whole((rate * (time - made.from) * (1.0 + 1e-12)).floor()) as u64;
+    let owed = made.before.saturating_add(owed);
     at_most.map_or(owed, |most| owed.min(u64::from(most)))
 }
 
@@ -489,44 +508,36 @@ fn draw_places(block: &AlignedBox, radius: f64, draw: &mut Stream) -> [[f64; 3];
     })
 }
 
-/// Returns the first of the positions that no grain, body, wall or structure covers at this time \[s\], on any rank.
+/// Returns the first of the positions that no grain, body, wall or structure covers, on any rank.
 fn first_free<S: Space>(
     places: &[[f64; 3]; BATCH],
-    (radius, time): (f64, f64),
-    particles: &Particles<S>,
-    plan: &Plan,
+    radius: f64,
+    (particles, walls): (&Particles<S>, &[Wall<S>]),
+    scene: &Scene,
     domain: &Domain,
 ) -> Option<[f64; 3]> {
-    let grid = &plan.scene.grid;
+    let grid = &scene.grid;
+    let mut narrow = Narrow::default();
     let mut covered = [0_i64; BATCH];
     for (covered, place) in covered.iter_mut().zip(places) {
-        let at_wall = plan.scene.walls.iter().any(|wall| {
-            let near = || {
-                wall.surface.as_ref().map_or_else(
-                    || {
-                        let height: f64 = (0..S::DIMENSION)
-                            .map(|axis| (place[axis] - wall.point[axis]) * wall.normal[axis])
-                            .sum();
-                        height < radius
-                    },
-                    |surface| surface.is_within(&Vector3::from(*place), radius),
-                )
-            };
-            wall.exists(time) && near()
-        });
-        let by_grain = || {
+        let mut centre = S::Vector::default();
+        for axis in 0..S::DIMENSION {
+            centre.set(axis, place[axis]);
+        }
+        let at_wall = walls.iter().any(|wall| wall.stops(&centre, radius));
+        let mut by_grain = || {
             (0..particles.owned()).any(|k| {
                 let at = boxed(&particles.motion[k].position, grid);
-                let squared: f64 = (0..S::DIMENSION)
-                    .map(|axis| {
-                        let apart = place[axis] - at[axis];
-                        (apart + image(apart, axis, grid)).powi(2)
-                    })
-                    .sum();
+                let apart = std::array::from_fn(|axis| {
+                    let apart = place[axis] - at[axis];
+                    apart + image(apart, axis, grid)
+                });
+                let squared: f64 = apart[..S::DIMENSION].iter().map(|x| x * x).sum();
                 squared < (radius + particles.body[k].radius).powi(2)
+                    && touches(particles, k, (apart, radius), &mut narrow)
             })
         };
-        let structures = plan.scene.structures.iter();
+        let structures = scene.structures.iter();
         let mut stopping = structures.filter(|structure| structure.stops.grains());
         let in_structure = stopping.any(|structure| structure.solid.distance(*place) < radius);
         *covered = i64::from(at_wall || in_structure || by_grain());
@@ -536,6 +547,23 @@ fn first_free<S: Space>(
         .iter()
         .position(|&covered| covered == 0)
         .map(|free| places[free])
+}
+
+/// Returns `true` if a grain or body whose enclosing sphere reaches a ball at `apart` from its centre, of a radius
+/// \[m\], touches it: a polyhedron does so with its faces only.
+fn touches<S: Space>(
+    particles: &Particles<S>,
+    k: usize,
+    (apart, radius): ([f64; 3], f64),
+    narrow: &mut Narrow,
+) -> bool {
+    particles.polyhedron(k).is_none_or(|(shape, state)| {
+        let rotation = state.matrix();
+        let block = Placed { shape, rotation };
+        narrow
+            .sphere(&block, &Vector3::from(apart), radius)
+            .is_some()
+    })
 }
 
 #[cfg(test)]
@@ -614,10 +642,14 @@ mod tests {
         let mut other = Removal::new(&plan);
         let text = serde_json::to_string(&saved).unwrap();
         other
-            .restore(&serde_json::from_str(&text).unwrap(), None)
+            .restore(&serde_json::from_str(&text).unwrap(), (None, &[]), 0.6)
             .unwrap();
         assert_eq!(other.taken(), removal.taken());
-        assert!(other.restore(&RemovalState::default(), None).is_err());
+        assert!(
+            other
+                .restore(&RemovalState::default(), (None, &[]), 0.6)
+                .is_err()
+        );
     }
 
     const SPRING: &str = r#"{"name": "spring", "box": {"from": [0.002, 0.001], "to": [0.004, 0.002]},
@@ -665,7 +697,7 @@ mod tests {
             let time = f64::from(step) * 1e-3;
             born.push(
                 removal
-                    .generate_grains(&mut straight, &plan, &domain, time)
+                    .generate_grains((&mut straight, &[]), &plan, &domain, time)
                     .unwrap(),
             );
         }
@@ -692,15 +724,15 @@ mod tests {
         for step in 0..6_u32 {
             let time = f64::from(step) * 1e-3;
             first
-                .generate_grains(&mut resumed, &plan, &domain, time)
+                .generate_grains((&mut resumed, &[]), &plan, &domain, time)
                 .unwrap();
         }
         let mut second = Removal::new(&plan);
-        second.restore(&first.state(), None).unwrap();
+        second.restore(&first.state(), (None, &[]), 5e-3).unwrap();
         for step in 6..20_u32 {
             let time = f64::from(step) * 1e-3;
             second
-                .generate_grains(&mut resumed, &plan, &domain, time)
+                .generate_grains((&mut resumed, &[]), &plan, &domain, time)
                 .unwrap();
         }
         assert_eq!(present(&resumed), present(&straight));
@@ -729,7 +761,7 @@ mod tests {
         let mut particles = Particles::<PlaneSpace>::new();
         let mut removal = Removal::new(&plan);
         removal
-            .generate_grains(&mut particles, &plan, &serial(), 0.02)
+            .generate_grains((&mut particles, &[]), &plan, &serial(), 0.02)
             .unwrap();
         assert!(particles.owned() > 5);
         for motion in &particles.motion[..particles.owned()] {
@@ -740,6 +772,72 @@ mod tests {
             p.path == "regions[0].box" && p.reason.contains("structure `rock`")
         };
         assert!(problems.iter().any(refused), "{problems:?}");
+    }
+
+    /// Checks that a restart with another rate, or with a new region, counts from the restart: no burst, and no
+    /// refusal of a lower rate.
+    #[test]
+    fn a_rate_that_a_restart_changes_counts_from_the_restart() {
+        let domain = serial();
+        let rate = |rate: u32| {
+            plan(
+                &SPRING
+                    .replace("1000", &rate.to_string())
+                    .replace("12}", "90}"),
+            )
+        };
+        let mut particles = Particles::<PlaneSpace>::new();
+        let mut first = Removal::new(&rate(1000));
+        let born = first.generate_grains((&mut particles, &[]), &rate(1000), &domain, 4e-3);
+        assert_eq!(born.unwrap(), 4);
+        for (new, restarted, later) in [(3000, &[0][..], 7), (500, &[0], 5), (1000, &[], 6)] {
+            let plan = rate(new);
+            let mut second = Removal::new(&plan);
+            let saved = serde_json::to_string(&first.state()).unwrap();
+            let saved: RemovalState = serde_json::from_str(&saved).unwrap();
+            second.restore(&saved, (None, restarted), 4e-3).unwrap();
+            let mut due = |time: f64| {
+                second.last = Some(time);
+                second.feed_counts(&plan)[0].due
+            };
+            assert_eq!(due(4e-3), 4, "{new}");
+            assert_eq!(
+                due(6e-3 - 1e-3 * f64::from(u8::from(new == 3000))),
+                later,
+                "{new}"
+            );
+        }
+        let plan = plan(&format!("{SPRING}, {}", SPRING.replace("spring", "second")));
+        let mut third = Removal::new(&plan);
+        let origins = [Some(0), None];
+        third
+            .restore(&first.state(), (Some(&origins), &[]), 4e-3)
+            .unwrap();
+        third.last = Some(6e-3);
+        let due: Vec<u64> = third
+            .feed_counts(&plan)
+            .iter()
+            .map(|feed| feed.due)
+            .collect();
+        assert_eq!(due, [6, 2]);
+    }
+
+    /// Checks that grains keep away from a wall at its present position, and that only the faces of a block count.
+    #[test]
+    fn walls_count_where_they_are_now() {
+        let plan = plan(SPRING);
+        let domain = serial();
+        let mut wall = Wall::<PlaneSpace>::new(Vector2::zeros(), Vector2::x(), 0);
+        let mut particles = Particles::new();
+        let mut removal = Removal::new(&plan);
+        wall.point.x = 3e-3;
+        let walls = [wall];
+        let born = removal.generate_grains((&mut particles, &walls), &plan, &domain, 6e-3);
+        assert!(born.unwrap() > 3);
+        for k in 0..particles.owned() {
+            let gap = particles.motion[k].position.x - 3e-3;
+            assert!(gap >= particles.body[k].radius, "{gap}");
+        }
     }
 
     #[test]
@@ -757,12 +855,12 @@ mod tests {
             .remove_grains(&mut particles, &plan, &domain, 0, 0.0)
             .unwrap();
         assert_eq!(gone.len(), 1);
-        let born = removal.generate_grains(&mut particles, &plan, &domain, 2e-3);
+        let born = removal.generate_grains((&mut particles, &[]), &plan, &domain, 2e-3);
         assert_eq!(born.unwrap(), 0);
         let feeds = removal.feed_counts(&plan);
         assert_eq!((feeds.len(), feeds[0].due, feeds[0].generated), (1, 2, 0));
         particles.remove(|particles, k| particles.body[k].id == 7);
-        let born = removal.generate_grains(&mut particles, &plan, &domain, 2e-3);
+        let born = removal.generate_grains((&mut particles, &[]), &plan, &domain, 2e-3);
         assert_eq!(born.unwrap(), 2);
         let ids: Vec<_> = particles.body.iter().map(|body| body.id).collect();
         assert_eq!(ids, [61, 62]);

@@ -16,9 +16,9 @@ use case::set::covers;
 use case::{Case, Document, restart};
 use coupling::joint_water;
 use decomposition::{Communicator, Domain};
-use dem::Dem;
 use dem::particles::Particles;
 use dem::space::Space;
+use dem::{Dem, PlaneSpace, Volume};
 use io::checkpoint::Found;
 use io::marks::{Marks, check, cut_back};
 use output::averages::Averages;
@@ -43,6 +43,8 @@ pub(super) struct Resumed {
     pub(super) walls: Option<Vec<Option<usize>>>,
     /// Index of each region among the regions of the saved run; none if they are the same.
     pub(super) regions: Option<Vec<Option<usize>>>,
+    /// Regions that generate grains at another rate, or up to another number, than in the saved run.
+    pub(super) feeds: Vec<usize>,
     /// `true` if the time averages continue from those of the checkpoint.
     pub(super) averages_continue: bool,
 }
@@ -68,6 +70,7 @@ impl Resumed {
             changed: false,
             walls: None,
             regions: None,
+            feeds: Vec::new(),
             averages_continue: true,
         }
     }
@@ -204,9 +207,16 @@ fn expected(plan: &Plan, changed: bool, stage: &Stage) -> checkpoint::Expected {
         .first_grain()
         .saturating_add(expected.saturating_mul(2));
     for region in &scene.regions {
-        if let RegionAction::Generate { rate, at_most, .. } = &region.action {
-            let by_time = whole(rate * scene.time.end) as u64;
-            let most = at_most.map_or(u64::MAX, u64::from).min(by_time);
+        if let RegionAction::Generate { radii, .. } = &region.action {
+            // A restart may have lowered the rate: the domain limits the number that is present.
+            let dimension = scene.grid.dimension;
+            let space: f64 = scene.grid.size[..dimension].iter().product();
+            let smallest = radii.bounds().0;
+            let measure = match dimension {
+                2 => PlaneSpace::measure(smallest),
+                _ => Volume::measure(smallest),
+            };
+            let most = whole(space / measure) as u64;
             grains = grains.saturating_add(most.saturating_add(1));
         }
     }
@@ -434,12 +444,14 @@ pub(super) fn plan(
         let plan = Plan::prepare_like(document, &old).map_err(Error::Case)?;
         resumed.walls = Some(wall_origins(&old.scene.walls, &plan.scene.walls))
             .filter(|_| changed.iter().any(|path| path.contains("walls")));
-        resumed.regions = Some(region_origins(&old, &plan)?);
+        let origins = region_origins(&old, &plan)?;
+        resumed.feeds = changed_feeds(&old, &plan, &origins);
+        resumed.regions = Some(origins);
         let step = resumed.found.manifest.step;
         resumed.averages_continue = Averages::continues(&old, &plan, step).map_err(|path| {
             let written = |plan: &Plan| {
                 let averages = plan.scene.output.averages.as_ref();
-                averages.map_or(String::new(), |averages| {
+                averages.map_or_else(|| String::from("none"), |averages| {
                     let (from, every) = (averages.from, averages.sample_every);
                     format!("from {from} s, every {every} s")
                 })
@@ -447,7 +459,11 @@ pub(super) fn plan(
             Error::Case(vec![refusal(
                 path,
                 format!("{} (was {})", written(&plan), written(&old)),
-                "the sums in the checkpoint contain samples at the times of the original run",
+                if old.scene.output.averages.is_some() {
+                    "the sums in the checkpoint contain samples at the times of the original run"
+                } else {
+                    "the checkpoint contains no samples of the time before it"
+                },
                 "undo the change, or choose `from` after the checkpoint, so that the averages start again",
             )])
         })?;
@@ -607,6 +623,22 @@ fn region_origins(old: &Plan, new: &Plan) -> Result<Vec<Option<usize>>, Error> {
                 .position(|before| before.name == region.name)
         })
         .collect())
+}
+
+/// Returns the regions that generate grains at another rate, or up to another number, than before.
+fn changed_feeds(old: &Plan, new: &Plan, origins: &[Option<usize>]) -> Vec<usize> {
+    let feed = |action: &RegionAction| match action {
+        RegionAction::Generate { rate, at_most, .. } => Some((*rate, *at_most)),
+        _ => None,
+    };
+    let regions = new.scene.regions.iter().zip(origins).enumerate();
+    regions
+        .filter(|(_, (region, origin))| {
+            let before = origin.and_then(|n| feed(&old.scene.regions[n].action));
+            feed(&region.action).is_some_and(|now| before != Some(now))
+        })
+        .map(|(n, _)| n)
+        .collect()
 }
 
 /// Sets the velocities of walls to those of the case, which may be newer than those of the checkpoint. A servo wall

@@ -1,6 +1,6 @@
 //! A half-space: the ground below a plane, or a sloping wall.
 
-use super::solid::{Frame, Scope, Solid, between};
+use super::solid::{Frame, ON_SURFACE, Scope, Solid, between};
 use super::{Facets, Point, dot, minus, norm, plus, times};
 use base::error::Report;
 use base::geometry::Vector;
@@ -104,12 +104,16 @@ impl Solid for HalfSpace {
     fn chords(&self, from: Point, along: Point, found: &mut Vec<[f64; 2]>) {
         let (height, rise) = (self.distance(from), dot(self.normal, along));
         let crossing = -height / rise;
-        if rise > 0.0 {
+        // A line in the surface is outside, whatever the rounding of its direction.
+        let rounding = ON_SURFACE * norm(along);
+        if rise.abs() <= rounding {
+            if height < -rounding {
+                between(0.0, 1.0, found);
+            }
+        } else if rise > 0.0 {
             between(0.0, crossing, found);
-        } else if rise < 0.0 {
+        } else {
             between(crossing, 1.0, found);
-        } else if height < 0.0 {
-            between(0.0, 1.0, found);
         }
     }
 

@@ -1,7 +1,7 @@
 //! A prism over any simple polygon: a weir, a stepped spillway, a sheet pile that is not upright.
 
 use super::facets::{double_area, turn};
-use super::solid::{Scope, Solid, between, merge_parts};
+use super::solid::{ON_SURFACE, Scope, Solid, between, merge_parts};
 use super::{Facets, Point};
 use base::error::Report;
 use base::geometry::Axis;
@@ -214,7 +214,9 @@ impl Solid for Prism {
         } else if low >= 0.0 || high <= 0.0 {
             return;
         }
-        // Crossings of the boundary divide the line; a piece is inside if its midpoint is.
+        // Crossings of the boundary divide the line; a piece is inside if its midpoint is. A piece on the boundary is
+        // outside, whatever the rounding.
+        let rounding = ON_SURFACE * ON_SURFACE * (way[0] * way[0] + way[1] * way[1]);
         let mut cuts = vec![slab[0], slab[1]];
         for (a, b) in self.edges() {
             let edge = [b[0] - a[0], b[1] - a[1]];
@@ -231,7 +233,8 @@ impl Solid for Prism {
         cuts.sort_by(f64::total_cmp);
         for pair in cuts.windows(2) {
             let middle = 0.5 * (pair[0] + pair[1]);
-            if self.holds([start[0] + middle * way[0], start[1] + middle * way[1]]) {
+            let at = [start[0] + middle * way[0], start[1] + middle * way[1]];
+            if self.holds(at) && self.edges().all(|(a, b)| to_edge(at, a, b) > rounding) {
                 between(pair[0], pair[1], found);
             }
         }

@@ -27,6 +27,9 @@ pub(super) struct Scope<'a> {
     pub read: ReadMesh<'a>,
 }
 
+/// Distance from a surface, relative to the length of a line, within which the line lies on it.
+pub(super) const ON_SURFACE: f64 = 1e-9;
+
 /// Stationary solid, in m. In 2-D it is a cylinder along z: nothing depends on the third component.
 pub trait Solid: Debug + Send + Sync {
     /// Returns the signed distance of a point from the surface, negative inside: a lower bound of the true distance

@@ -145,6 +145,54 @@ fn what_breaks_off_before_the_start_falls_in_the_run() {
     );
 }
 
+/// Checks a disc on a slope whose bond is too weak: it slides to a stop before time 0, and the log and the
+/// summary state the distance, with the same bits after a stop.
+#[test]
+fn a_piece_that_slides_before_the_start_is_reported_with_its_distance() {
+    let _beside = beside_others();
+    // A slope of 30 degrees from (0, 0.05) down to the floor.
+    let (sine, cosine) = (0.5, 0.75_f64.sqrt());
+    let at = |along: f64| {
+        let r = 0.005 - 1e-6;
+        [along * cosine + r * sine, 0.05 - along * sine + r * cosine]
+    };
+    let [x, y] = at(0.03);
+    let study = case(
+        &json!([disc(x, y, [0.0, 0.0])]),
+        &[
+            (
+                "walls",
+                json!([
+                {"name": "slope", "material": "m",
+                    "shape": {"plane": {"point": [0, 0.05], "normal": [sine, cosine]}}},
+                {"name": "stop", "material": "m", "shape": {"plane": {"point": [0.06, 0], "normal": [-1, 0]}}}]),
+            ),
+            ("box_wall_material", json!("m")),
+            (
+                "contact",
+                json!({"contact_bond": {"normal_stiffness": {"absolute": 1e6}, "tensile_strength": 1e-3,
+                "shear_strength": 1e-3, "bonding_gap": 1e-6, "friction_angle_degrees": 5,
+                "normal_damping_ratio": 0.3}}),
+            ),
+            ("time", json!({"end": 0.001})),
+            ("output", json!({"grains": {"every": 0.001}})),
+        ],
+    );
+    let done = study.run("run", 1, 1, &[]);
+    let settling = study.summary("run")["notes"]["settling"].clone();
+    let moved = settling["largest_displacement"].as_f64().unwrap();
+    // The disc touches slope and stop.
+    let exact = (0.06 - 0.005 * (1.0 + sine)) / cosine - 0.03;
+    assert!(
+        (moved / exact - 1.0).abs() < 0.01,
+        "{moved} {exact} {settling}"
+    );
+    let said = format!("{}{}", done.stdout, done.stderr);
+    assert!(said.contains("moved most, by"), "{said}");
+    study.run("two", 2, 1, &[]);
+    study.same("run", "two");
+}
+
 /// Checks the table of a region that records against the closed form of a disc that flies through it, one that starts
 /// inside and one that another region removes there; and the table on ranks and after restarts.
 #[test]

@@ -97,6 +97,62 @@ fn figures_of_the_pages_are_those_of_the_tables() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
+/// Checks the numbers of rows by status at the head of the criteria, and the number of test functions that they cite.
+#[test]
+fn the_criteria_count_their_rows() {
+    const STATUSES: [&str; 4] = ["met", "in part", "not met", "not shown"];
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let page = std::fs::read_to_string(root.join("jobs/verification/criteria.md")).unwrap();
+    let cells = |line: &str| -> Vec<String> {
+        line.split(" | ")
+            .map(|cell| cell.trim_matches(['|', ' ']).to_owned())
+            .collect()
+    };
+    let (mut section, mut counts) = (String::new(), BTreeMap::<String, [usize; 4]>::new());
+    for line in page.lines() {
+        if let Some(title) = line.strip_prefix("## ") {
+            title.clone_into(&mut section);
+        }
+        let row = cells(line);
+        if row[0].len() == 4 && row[0].as_bytes()[1] == b'-' && row.len() > 3 {
+            let status = |name: &str| row[2] == name || row[2].starts_with(&format!("{name}: "));
+            let found = STATUSES.iter().position(|name| status(name));
+            let found = found.unwrap_or_else(|| panic!("{}: {}", row[0], row[2]));
+            for of in [section.as_str(), "all"] {
+                counts.entry(of.to_owned()).or_default()[found] += 1;
+            }
+        }
+    }
+    assert_eq!(counts.len(), 5, "{counts:?}");
+    for (name, counts) in counts {
+        let numbers = counts.map(|count| count.to_string()).join(" | ");
+        let line = format!("| {name} | {numbers} | {} |", counts.iter().sum::<usize>());
+        assert!(page.contains(&line), "{line}");
+    }
+    let mut tests = 0;
+    let mut folders = vec![
+        root.join("src"),
+        root.join("tests"),
+        root.join("io"),
+        root.join("decomposition"),
+    ];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|extension| extension == "rs") {
+                let text = std::fs::read_to_string(path).unwrap();
+                tests += text.lines().filter(|line| line.trim() == "#[test]").count();
+            }
+        }
+    }
+    assert!(
+        page.contains("more than 1,300 test functions") && tests > 1300,
+        "{tests}"
+    );
+}
+
 #[test]
 fn a_figure_is_right_within_half_of_its_last_digit() {
     let close = |figure: &str, half: f64| {

@@ -50,6 +50,7 @@ mod ranks;
 mod same_bits;
 mod seepage;
 mod side_files;
+mod slip_planes;
 mod slopes;
 mod speaking;
 mod stopping;

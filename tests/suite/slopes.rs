@@ -219,3 +219,110 @@ fn still_water_under_its_weight_stays_at_rest() {
         assert!(rings.iter().any(|u| *u > 1e-5), "{rings:?}");
     }
 }
+
+/// Returns the mirror image of a point in a domain of this length.
+fn reflect(mirrored: bool, length: f64, x: f64) -> f64 {
+    if mirrored { length - x } else { x }
+}
+
+/// Returns a box between two heights and two distances from the upstream end of a domain of 14 m.
+fn reach(mirrored: bool, [from, to]: [f64; 2], [low, high]: [f64; 2]) -> Value {
+    let ends = [from, to].map(|x| reflect(mirrored, 14.0, x));
+    json!({"box": {"from": [ends[0].min(ends[1]), low], "to": [ends[0].max(ends[1]), high]}})
+}
+
+/// Returns a dam of earth on a grid of 0.2 m whose upstream face of 1:1 passes through the centres of cells; its mirror
+/// image flows the other way.
+fn earth(mirrored: bool) -> Value {
+    let mut points = [
+        [0.0, 0.4],
+        [2.0, 0.4],
+        [5.0, 3.4],
+        [6.0, 3.4],
+        [12.0, 0.4],
+        [14.0, 0.4],
+    ]
+    .map(|[x, y]| [reflect(mirrored, 14.0, x), y]);
+    if mirrored {
+        points.reverse();
+    }
+    json!({
+        "domain": {"size": [14, 4], "spacing": 0.2}, "gravity": [0, -9.81],
+        "fluid": {"darcy": {"density": 1000, "viscosity": 1e-3,
+            "zones": [{"name": "earth", "permeability": {"hydraulic_conductivity": 1e-5}}],
+            "unsaturated": {"retention": {"saturated_only": {}}},
+            "terrain": {"surface": {"points": points}, "conditions": [
+                {"name": "basin", "condition": {"seepage_face": {"level": 2.8}},
+                    "region": reach(mirrored, [0.0, 5.0], [0.4, 3.4])},
+                {"name": "toe", "condition": {"seepage_face": {}}, "region": reach(mirrored, [6.0, 14.0], [0.4, 3.4])}
+            ]}}},
+        "time": {"end": 1, "solid_time_step": 0.01},
+        "probes": [{"name": "flow", "every": 1, "at": {"section": {"axis": "x", "position": 7}}}]
+    })
+}
+
+/// Returns ground below a weir with a face of 1:1 through the centres of the parts into which cells are divided.
+fn weir(mirrored: bool) -> Value {
+    let corners = [[4.0, 4.0], [6.03, 1.97], [8.0, 1.97], [8.0, 4.0]];
+    let patch = |from: f64, to: f64| {
+        let ends = [from, to].map(|x| reflect(mirrored, 14.0, x));
+        json!({"from": [ends[0].min(ends[1]), 4], "to": [ends[0].max(ends[1]), 4]})
+    };
+    json!({
+        "domain": {"size": [14, 4], "spacing": 0.2}, "gravity": [0, -9.81],
+        "materials": {"stone": {}},
+        "fluid": {"darcy": {"density": 1000, "viscosity": 1e-3,
+            "zones": [{"name": "earth", "permeability": {"hydraulic_conductivity": 1e-5}}],
+            "boundaries": [
+                {"name": "basin", "face": "y_max", "patch": patch(0.0, 4.0), "condition": {"head": {"value": 6}}},
+                {"name": "river", "face": "y_max", "patch": patch(8.0, 14.0), "condition": {"head": {"value": 4}}}
+            ]}},
+        "structures": [{"name": "weir", "material": "stone",
+            "shape": {"polygon": {"points": corners.map(|[x, y]| [reflect(mirrored, 14.0, x), y])}}}],
+        "time": {"end": 1, "solid_time_step": 0.01},
+        "probes": [{"name": "flow", "every": 1, "at": {"section": {"axis": "x", "position": 7}}}]
+    })
+}
+
+/// Returns a channel around a wedge whose faces of 1:1 pass through the centres of cells, driven to either side.
+fn wedge(mirrored: bool) -> Value {
+    let corners = [[0.07, 0.0], [0.113, 0.043], [0.113, 0.0]];
+    let drive = if mirrored { -8 } else { 8 };
+    json!({
+        "domain": {"size": [0.2, 0.1], "spacing": 0.01, "periodic": ["x"]},
+        "fluid": {"lattice_boltzmann": {"density": 1000, "kinematic_viscosity": 0.01, "relaxation_time": 0.8,
+            "body_force": {"constant": [drive, 0]}}},
+        "structures": [{"name": "wedge",
+            "shape": {"polygon": {"points": corners.map(|[x, y]| [reflect(mirrored, 0.2, x), y])}}}],
+        "time": {"end": 1},
+        "probes": [{"name": "flow", "every": 1, "at": {"structure": {"name": "wedge"}}}]
+    })
+}
+
+/// Checks that slopes that pass exactly through centres are decided alike in mirror images: by the side of the solid,
+/// not by the rounding of coordinates.
+#[test]
+fn a_slope_through_centres_of_cells_is_that_of_its_mirror_image() {
+    let _beside = beside_others();
+    for (name, case, heading) in [
+        ("earth", earth as fn(bool) -> Value, "discharge"),
+        ("weir", weir, "discharge"),
+        ("wedge", wedge, "fluid_force_x"),
+    ] {
+        let [one, other] = [false, true].map(|mirrored| {
+            let study = Study::new(&case(mirrored).to_string());
+            study.run("run", 1, 1, &[]).expect(0);
+            let text = std::fs::read_to_string(study.path("run/probe_flow.csv")).unwrap();
+            let heads = text.lines().find(|line| !line.starts_with('#')).unwrap();
+            let found = heads.split(',').find(|head| head.starts_with(heading));
+            let found = found.unwrap_or_else(|| panic!("{heading} in {heads}"));
+            *column(&study, "run", "probe_flow.csv", found)
+                .last()
+                .unwrap()
+        });
+        assert!(
+            (one + other).abs() < 1e-7 * one.abs(),
+            "{name}: {one} {other}"
+        );
+    }
+}

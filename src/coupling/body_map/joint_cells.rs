@@ -8,6 +8,7 @@
 use super::links::Direction;
 use super::{BodyMap, Change, FLUID, GHOSTS, JOINT, OUTSIDE};
 use lbm::lanes::Stored;
+use lbm::links::mirrored::MirroredLink;
 use lbm::links::{BodyLink, Load, Rigid, Scheme, bounce};
 use lbm::populations::{Link, Populations};
 use std::collections::HashSet;
@@ -40,6 +41,8 @@ pub(super) struct JointCells {
     moved: Vec<([usize; 3], CellChange)>,
     /// Links from closed cells to water.
     links: [Vec<BodyLink>; 1],
+    /// Halves of links through planes of symmetry.
+    mirrored: Vec<MirroredLink>,
     /// Those of them whose cell of water is in the slab.
     mouths: Vec<JointLink>,
     /// Number of times that the links were found.
@@ -223,9 +226,17 @@ impl BodyMap {
                 }
             }
         }
+        let mut mirrored = std::mem::take(&mut self.joint_cells.mirrored);
+        self.mirror_joints(&self.joint_cells.closed, populations, &mut mirrored);
+        self.joint_cells.mirrored = mirrored;
         self.joint_cells.links = links;
         self.joint_cells.mouths = mouths;
         self.joint_cells.found += 1;
+    }
+
+    /// Returns the halves of links from closed cells of joints through planes of symmetry.
+    pub(super) fn mirrored_joint_links(&self) -> &[MirroredLink] {
+        &self.joint_cells.mirrored
     }
 
     /// Returns the links from cells of water in the slab into closed cells of joints, and the number of times that they

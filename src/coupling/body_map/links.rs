@@ -127,7 +127,7 @@ impl BodyMap {
                 }
                 let behind: [i32; 3] = std::array::from_fn(|a| outer[a] + c[a]);
                 let backed = (deep || self.slab.held(behind))
-                    && owner(outer_place, along).1 == FLUID
+                    && (owner(outer_place, along).1 == FLUID || self.is_mirrored_water(behind))
                     && !self.cut(outer_place, out);
                 let moves = match self.rules.isolated {
                     // A cell of a joint has no water of its own.

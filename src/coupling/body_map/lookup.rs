@@ -387,6 +387,7 @@ mod tests {
             cells,
             start: [0; 3],
             periodic: [false; 3],
+            mirrored: [[false; 2]; 3],
             origin: [0.0; 3],
             spacing: 1.0,
         };

@@ -87,6 +87,11 @@ impl Slab {
         })
     }
 
+    /// Returns `true` if flow and bodies continue as mirror images at any face.
+    pub(super) fn mirrors(&self) -> bool {
+        self.grid.mirrored.iter().flatten().any(|plane| *plane)
+    }
+
     /// Returns `true` if a cell is in the slab or in its ghost layers.
     pub(super) fn held(&self, local: [i32; 3]) -> bool {
         (0..3).all(|a| {

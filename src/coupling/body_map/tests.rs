@@ -14,6 +14,7 @@ fn new_map(populations: &Populations<f64>) -> BodyMap {
         cells: populations.cells(),
         start: [0; 3],
         periodic: [false; 3],
+        mirrored: [[false; 2]; 3],
         origin: [0.0; 3],
         spacing: SPACING,
     };

@@ -203,6 +203,7 @@ mod tests {
             cells: [60, 50, 40],
             start: [0; 3],
             periodic: [periodic; 3],
+            mirrored: [[false; 2]; 3],
             origin: [0.0; 3],
             spacing: 1.0,
         }

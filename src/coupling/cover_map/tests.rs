@@ -25,6 +25,7 @@ fn map_of(populations: &Populations<f64>, start: [usize; 3]) -> (CoverMap, Cover
         cells: CELLS,
         start,
         periodic: [true; 3],
+        mirrored: [[false; 2]; 3],
         origin: [0.0; 3],
         spacing: 0.1,
     };
@@ -116,6 +117,7 @@ fn discs_cover_what_they_fill() {
             cells: CELLS,
             start: [0; 3],
             periodic: [false; 3],
+            mirrored: [[false; 2]; 3],
             origin: [0.0; 3],
             spacing: 0.1,
         };

@@ -427,7 +427,7 @@ impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Bridged<L> {
         kinematics: &ContactKinematics<S>,
     ) -> ContactForce<S> {
         let touches = kinematics.overlap > 0.0;
-        let force = if touches || L::bonded(&history.law) {
+        let force = if touches || L::holds(&history.law) {
             L::force(&c.law, &mut history.law, kinematics)
         } else {
             history.law = L::History::default();
@@ -450,16 +450,24 @@ impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Bridged<L> {
 
     #[inline(always)]
     fn bonded(history: &Self::History) -> bool {
-        history.pull > 0.0 || L::bonded(&history.law)
+        L::bonded(&history.law)
+    }
+
+    #[inline(always)]
+    fn holds(history: &Self::History) -> bool {
+        history.pull > 0.0 || L::holds(&history.law)
+    }
+
+    fn bridge(history: &Self::History) -> f64 {
+        history.pull + L::bridge(&history.law)
     }
 
     fn unbond(history: &mut Self::History) {
-        history.pull = 0.0;
         L::unbond(&mut history.law);
     }
 
     fn normal_spring(c: &Self::Constants, history: &Self::History, overlap: f64) -> f64 {
-        let own = if overlap > 0.0 || L::bonded(&history.law) {
+        let own = if overlap > 0.0 || L::holds(&history.law) {
             L::normal_spring(&c.law, &history.law, overlap)
         } else {
             0.0

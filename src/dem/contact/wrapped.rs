@@ -99,6 +99,15 @@ macro_rules! bonds_of_law_below {
             $L::bonded(&(*history)$(.$field)?)
         }
 
+        #[inline(always)]
+        fn holds(history: &Self::History) -> bool {
+            $L::holds(&(*history)$(.$field)?)
+        }
+
+        fn bridge(history: &Self::History) -> f64 {
+            $L::bridge(&(*history)$(.$field)?)
+        }
+
         fn unbond(history: &mut Self::History) {
             $L::unbond(&mut (*history)$(.$field)?);
         }

@@ -373,6 +373,7 @@ impl<S: Space> Bodies<S> for BlockLaw {
                 * touch.depth,
             shear_force: S::Vector::default(),
             bonded: false,
+            bridge: 0.0,
         })
     }
 
@@ -398,6 +399,7 @@ impl<S: Space> Bodies<S> for BlockLaw {
             normal_force: pair.constants.law.stiffness(touch.area)[0] * touch.depth,
             shear_force: S::Vector::default(),
             bonded: false,
+            bridge: 0.0,
         })
     }
 
@@ -428,6 +430,7 @@ impl<S: Space> Bodies<S> for BlockLaw {
                 normal_force: pair.constants.law.stiffness(touch.area)[0] * touch.depth,
                 shear_force: S::Vector::default(),
                 bonded: false,
+                bridge: 0.0,
             });
         });
     }

@@ -95,7 +95,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                         bonds += 1;
                     }
                     // The default history counts as none, whether or not lists were built meanwhile.
-                    if (one.distance < pair.radius || L::bonded(&history))
+                    if (one.distance < pair.radius || L::holds(&history))
                         && history != L::History::default()
                     {
                         facets.next.push(Held {

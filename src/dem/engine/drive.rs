@@ -37,7 +37,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         let pairs = self.solids.wall_pairs.iter();
         for pair in pairs.filter(|pair| pair.wall as usize == wall) {
             let distance = plane.distance(&particles.motion[pair.grain as usize].position);
-            if distance >= pair.radius && !L::bonded(&pair.history) {
+            if distance >= pair.radius && !L::holds(&pair.history) {
                 continue;
             }
             let overlap = pair.radius - distance;

@@ -91,7 +91,7 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
         };
         let grain = &grains.motion[pair.grain as usize];
         let held = &self.held[pair.held.0 as usize..pair.held.1 as usize];
-        let reach = if held.iter().any(|old| L::bonded(&old.history)) {
+        let reach = if held.iter().any(|old| L::holds(&old.history)) {
             pair.radius + pair.opening
         } else {
             pair.radius
@@ -107,7 +107,7 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
         if pair.by_plane {
             let sphere = (&grain.position, pair.radius);
             drop_doubled_by_planes(walls, sphere, &mut self.found, |one| {
-                is_bonded::<S, L>(held, one.facet)
+                is_held::<S, L>(held, one.facet)
             });
         }
         self.taken.clear();
@@ -115,7 +115,7 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
         let start = ghosts::index(self.next.len());
         for one in &self.found {
             let mut history = history_of(surface, held, &mut self.taken, &self.found, one.facet);
-            if one.distance >= pair.radius && !L::bonded(&history) {
+            if one.distance >= pair.radius && !L::holds(&history) {
                 continue;
             }
             let normal = S::from_volume(&one.normal);
@@ -147,7 +147,7 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
                 });
             }
             // The default history counts as none, whether or not lists were built meanwhile.
-            if (one.distance < pair.radius || L::bonded(&history)) && history != M::default() {
+            if (one.distance < pair.radius || L::holds(&history)) && history != M::default() {
                 self.next.push(Held {
                     facet: one.facet,
                     history,
@@ -244,7 +244,7 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
         }
         for &(k, one) in together.iter() {
             let pair = &self.pairs[k as usize];
-            if is_bonded::<S, L>(self.held(pair), one.facet) {
+            if is_held::<S, L>(self.held(pair), one.facet) {
                 continue;
             }
             let centre = S::to_volume(&motion[pair.grain as usize].position);
@@ -308,10 +308,10 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
     }
 }
 
-/// Returns `true` if one of the contacts is a bond at this facet.
-pub(super) fn is_bonded<S: Space, L: ContactLaw<S>>(held: &[Held<L::History>], facet: u32) -> bool {
-    let bonded = |one: &Held<L::History>| one.facet == facet && L::bonded(&one.history);
-    held.iter().any(bonded)
+/// Returns `true` if one of the contacts acts across a gap to this facet.
+pub(super) fn is_held<S: Space, L: ContactLaw<S>>(held: &[Held<L::History>], facet: u32) -> bool {
+    let acts = |one: &Held<L::History>| one.facet == facet && L::holds(&one.history);
+    held.iter().any(acts)
 }
 
 /// Returns the history among `held` for a contact with `facet`: that of the facet itself, otherwise of an adjacent

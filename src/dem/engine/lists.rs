@@ -93,7 +93,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                     return;
                 }
                 let held = cursor.find(&self.histories, &key).unwrap_or_default();
-                let lives = squared < reach * reach || L::bonded(&held);
+                let lives = squared < reach * reach || L::holds(&held);
                 buffer.push(Pair {
                     first: ghosts::index(i),
                     second: ghosts::index(j),
@@ -147,7 +147,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                         .wall_histories
                         .binary_search_by_key(&key, |(key, _)| *key)
                         .map_or(L::History::default(), |at| self.wall_histories[at].1);
-                    let lives = distance < body.radius || L::bonded(&held);
+                    let lives = distance < body.radius || L::holds(&held);
                     let partners = at_wall(wall.material, body);
                     found.push(WallPair {
                         wall: wall_index,
@@ -238,7 +238,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                     let (between, squared) = separation(motion, pair.ends(), offset, periodic);
                     let far = pair.reach * (1.0 + 1e-12) + gap;
                     let near = squared <= far * far && L::near(scratch, pair.ends(), &between, gap);
-                    if near || L::bonded(&pair.history) {
+                    if near || L::holds(&pair.history) {
                         active.push(k);
                     } else {
                         pair.history = L::History::default();

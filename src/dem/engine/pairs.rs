@@ -145,7 +145,7 @@ pub(super) fn act_at_plane<S: Space, L: ContactLaw<S>>(
 ) -> Option<WallFailure<S>> {
     let grain = &grains.motion[pair.grain as usize];
     let distance = wall.distance(&grain.position);
-    if distance >= pair.radius && !L::bonded(&pair.history) {
+    if distance >= pair.radius && !L::holds(&pair.history) {
         pair.history = L::History::default();
         return None;
     }
@@ -279,7 +279,7 @@ pub(super) fn act<S: Space, L: ContactLaw<S>>(
     record: &mut Record,
     dt: f64,
 ) -> Option<Action<S>> {
-    if squared >= pair.reach * pair.reach && !L::bonded(&pair.history) {
+    if squared >= pair.reach * pair.reach && !L::holds(&pair.history) {
         pair.history = L::History::default();
         return None;
     }

@@ -2,7 +2,7 @@
 
 use super::super::Contact;
 use super::super::polyhedron::Narrow;
-use super::facets::is_bonded;
+use super::facets::is_held;
 use super::flush::drop_doubled_by_planes;
 use super::*;
 
@@ -25,8 +25,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         let periodic = self.settings.region.any_periodic();
         let offset = &self.lists.offsets[pair.offset as usize];
         let (between, squared) = separation(&particles.motion, pair.ends(), offset, periodic);
-        let bonded = L::bonded(&pair.history);
-        if squared >= pair.reach * pair.reach && !bonded {
+        if squared >= pair.reach * pair.reach && !L::holds(&pair.history) {
             return None;
         }
         let (first, second) = pair.ends();
@@ -43,7 +42,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             position: particles.location(first) + normal * (pair.radius - 0.5 * overlap),
             normal_force: L::normal_spring(&constants, &pair.history, overlap),
             shear_force: S::embed(&L::shear_spring(&pair.history), &normal),
-            bonded,
+            bonded: L::bonded(&pair.history),
+            bridge: L::bridge(&pair.history),
         })
     }
 
@@ -55,8 +55,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
     ) -> Option<Contact<S>> {
         let (grain, wall) = (pair.grain as usize, &self.walls[pair.wall as usize]);
         let distance = wall.distance(&particles.motion[grain].position);
-        let bonded = L::bonded(&pair.history);
-        if distance >= pair.radius && !bonded {
+        if distance >= pair.radius && !L::holds(&pair.history) {
             return None;
         }
         let overlap = pair.radius - distance;
@@ -69,7 +68,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             position: particles.location(grain) - wall.normal * (pair.radius - 0.5 * overlap),
             normal_force: L::normal_spring(&pair.constants, &pair.history, overlap),
             shear_force: S::embed(&L::shear_spring(&pair.history), &wall.normal),
-            bonded,
+            bonded: L::bonded(&pair.history),
+            bridge: L::bridge(&pair.history),
         })
     }
 
@@ -98,8 +98,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         }
     }
 
-    /// Visits the listed pairs of spheres with a gap below `fraction` of the smaller radius or a bond, and the spheres
-    /// that near to a wall or bonded to it.
+    /// Visits the listed pairs of spheres with a gap below `fraction` of the smaller radius, a bond or a bridge, and
+    /// the spheres that near to a wall or held by it.
     pub(crate) fn for_each_near(
         &self,
         particles: &Particles<S>,
@@ -113,7 +113,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             let squared = separation(&particles.motion, (first, second), offset, periodic).1;
             let smaller = pair.radius.min(pair.reach - pair.radius);
             let reach = pair.reach + fraction * smaller;
-            if squared < reach * reach || L::bonded(&pair.history) {
+            if squared < reach * reach || L::holds(&pair.history) {
                 visit(first, Some(second));
             }
         }
@@ -121,7 +121,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             let grain = pair.grain as usize;
             let distance =
                 self.walls[pair.wall as usize].distance(&particles.motion[grain].position);
-            if distance < pair.radius * (1.0 + fraction) || L::bonded(&pair.history) {
+            if distance < pair.radius * (1.0 + fraction) || L::holds(&pair.history) {
                 visit(grain, None);
             }
         }
@@ -133,11 +133,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 let at = &particles.motion[grain].position;
                 let reach = pair.radius * (1.0 + fraction);
                 wall.touched(facets.near(pair), at, reach, &mut found);
-                let bonded = facets
-                    .held(pair)
-                    .iter()
-                    .any(|held| L::bonded(&held.history));
-                if !found.is_empty() || bonded {
+                let held = facets.held(pair);
+                if !found.is_empty() || held.iter().any(|held| L::holds(&held.history)) {
                     visit(grain, None);
                 }
             }
@@ -174,14 +171,13 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         }
         if pair.by_plane {
             drop_doubled_by_planes(&self.walls, (at, pair.radius), &mut found, |one| {
-                is_bonded::<S, L>(held, one.facet)
+                is_held::<S, L>(held, one.facet)
             });
         }
         let mut taken = vec![false; held.len()];
         for one in &found {
             let history = history_of(surface, held, &mut taken, &found, one.facet);
-            let bonded = L::bonded(&history);
-            if one.distance < pair.radius || bonded {
+            if one.distance < pair.radius || L::holds(&history) {
                 let overlap = pair.radius - one.distance;
                 let normal = S::from_volume(&one.normal);
                 visit(Contact {
@@ -193,7 +189,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                     position: particles.location(grain) - normal * (pair.radius - 0.5 * overlap),
                     normal_force: L::normal_spring(&pair.constants, &history, overlap),
                     shear_force: S::embed(&L::shear_spring(&history), &normal),
-                    bonded,
+                    bonded: L::bonded(&history),
+                    bridge: L::bridge(&history),
                 });
             }
         }
@@ -212,6 +209,10 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             ..Statistics::default()
         };
         self.for_each_contact(particles, |contact| {
+            now.bridges += u64::from(contact.bridge > 0.0);
+            if !contact.touches() {
+                return;
+            }
             now.contacts += 1;
             now.bonds += u64::from(contact.bonded);
             let diameter = 2.0

@@ -440,6 +440,16 @@ impl Narrow {
     }
 }
 
+/// Returns the depth [m] of two blocks in each other: the length of the shortest translation that separates them, 0 if
+/// they do not overlap. The depth of a contact is a mean over its area; deep overlaps have none.
+#[must_use]
+pub fn penetration(first: &Placed, second: &Placed, separation: &Vector3<f64>) -> f64 {
+    let turn = first.rotation.tr_mul(&second.rotation);
+    let local = first.rotation.tr_mul(separation);
+    let (_, wide) = widest_gap(first.shape, second.shape, &turn, &local);
+    (-wide).max(0.0)
+}
+
 /// Returns the contact in the axes of space, and stores the history of the pair.
 fn finish(found: Option<Geometry>, first: &Placed, history: &mut BlockHistory) -> Option<Geometry> {
     if found.is_none() {

@@ -25,6 +25,8 @@ struct Exchange {
     into: (f64, usize),
     /// Cells of the two populations: positions within an array.
     cells: [u32; 2],
+    /// `true` if the population that enters is the mirror image of the one that left.
+    mirrored: bool,
 }
 
 impl<S: Stored> Boundaries<S> {
@@ -40,7 +42,8 @@ impl<S: Stored> Boundaries<S> {
     /// Computes [`Self::fluxes`] into a reusable list; `wet` returns `true` for the positions of cells with water.
     ///
     /// A symmetry plane joins two cells. If one of them has no water, the surface of the water crosses the link, and
-    /// the other one exchanges momentum with the gas instead of the face.
+    /// the other one exchanges momentum with the gas instead of the face. Otherwise the population that enters is the
+    /// one that left, whatever a free surface or a body has put in its place since: the plane exerts no friction.
     pub fn fluxes_into(
         &self,
         populations: &Populations<S>,
@@ -56,8 +59,12 @@ impl<S: Stored> Boundaries<S> {
                 out,
                 into,
                 cells,
+                mirrored,
             } = exchange;
             let [(mut a, i), (mut b, j)] = [out, into];
+            if mirrored {
+                b = a;
+            }
             if cells[0] != cells[1] && wet(cells[0] as usize) != wet(cells[1] as usize) {
                 (a, b) = (0.0, 0.0);
             }
@@ -115,6 +122,7 @@ impl<S: Stored> Boundaries<S> {
                 out: (numbers[link.out(parity)].to_f64(), direction),
                 into: (numbers[link.incoming(parity)].to_f64(), back),
                 cells: [link.near - begins[back]; 2],
+                mirrored: false,
             }
         };
         for w in self.walls.links() {
@@ -132,6 +140,7 @@ impl<S: Stored> Boundaries<S> {
                     into: (numbers[to].to_f64(), usize::from(m.enters)),
                     // Two adjacent cells, one of which a body may cover.
                     cells: m.cells(&velocities.opposite, &begins),
+                    mirrored: true,
                 });
             }
         }

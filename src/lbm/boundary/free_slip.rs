@@ -16,8 +16,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 
-/// A symmetry plane: no flow through it and no friction. Bodies that intersect the plane need partially saturated
-/// cells, because bounce-back links along the plane do not see the mirror image of the body.
+/// A symmetry plane: no flow through it and no friction. Bodies and structures that touch or intersect the plane
+/// continue as their mirror images beyond it; their load is that on the part inside the domain.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]

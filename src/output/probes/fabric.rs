@@ -3,7 +3,8 @@
 //!
 //! Grains are counted if their centre lies in the box, of volume V (2-D: area).
 //!
-//! - **Coordination number**: contacts of these grains with grains, bodies and walls, over their number.
+//! - **Coordination number**: contacts of these grains with grains, bodies and walls, over their number. A capillary
+//!   bridge across a gap is no contact; its force is part of the stress.
 //! - **Mean stress** by Love and Weber (Weber 1966; Christoffersen, Mehrabadi, Nemat-Nasser, J. Appl. Mech. 48 (1981)
 //!   339):
 //!
@@ -104,7 +105,7 @@ impl Fabric {
                     if !counts(k) {
                         continue;
                     }
-                    ends += 1;
+                    ends += u64::from(contact.touches());
                     // For the second grain, force and arm are both reversed.
                     let arm = particles.body[k].radius - 0.5 * contact.overlap;
                     for (sum, (i, j)) in stress.iter_mut().zip(PAIRS) {

@@ -5,7 +5,9 @@
 //! remains. Away from edges the reference is 1/3 per cell along the normal. A link through an edge or a corner belongs
 //! to the face with the strongest condition (see [`lbm::boundary`]).
 //!
-//! On a face with inflow or outflow the force includes the momentum of that fluid.
+//! On a face with inflow or outflow the force includes the momentum of that fluid. A plane of symmetry exerts no
+//! tangential force, also below a moving surface (`lbm::boundary` counts there the populations that left, not those
+//! that the surface has put in the place of their mirror images).
 
 use super::quantity::Quantity;
 use super::{Heading, Rows, Run, face_area, fluid, no_fluid};

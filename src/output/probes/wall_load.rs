@@ -60,7 +60,7 @@ impl WallLoad {
             if contact.wall.map(|wall| wall as usize) != Some(self.wall) {
                 return;
             }
-            contacts += 1;
+            contacts += u64::from(contact.touches());
             let push = Vector3::from(space_vector(&contact.normal)) * contact.normal_force;
             let shear = Vector3::from(space_vector(&contact.shear_force));
             let mut at = space_vector(&contact.position);

@@ -126,7 +126,7 @@ pub(super) fn faces(
             &format!("{path}.name"),
             findings,
         );
-        let read = |file: &Path| profile::read(&directory.join(file), grid.dimension, face.axis());
+        let read = |file: &Path| profile::read(&directory.join(file), grid, face.axis());
         let condition_path = format!("{path}.condition");
         let site = site(grid, face, &condition_path, walls);
         if !has_conditions(grid, face, &format!("{path}.face"), findings) {

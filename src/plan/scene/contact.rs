@@ -3,6 +3,7 @@
 use super::Scene;
 use super::findings::Findings;
 use super::grains::{GrainSource as Resolved, Grains};
+use super::has_grains;
 use super::has_polyhedra;
 use super::motion::first_and_largest;
 use base::error::Remedy;
@@ -112,7 +113,7 @@ impl ContactTable {
 
 /// Warns of a law without friction if solids may touch.
 pub(crate) fn warn_of_friction(case: &Case, findings: &mut Findings) {
-    let solids = case.grains.is_some() || case.blocks.is_some() || !case.bodies.is_empty();
+    let solids = has_grains(case) || case.blocks.is_some() || !case.bodies.is_empty();
     if solids
         && case
             .contact

@@ -11,7 +11,7 @@ use super::initial::{Initial, initial};
 use base::error::Remedy;
 use base::units::LatticeUnits;
 use case::Case;
-use case::coupling::{PartiallySaturated, SolidOperator};
+use case::coupling::{PartiallySaturated, SolidOperator, Weighting};
 use case::fluid::{
     self, Collision, Device, LatticeBoltzmann, LatticeChoice, Pilot, Precision, Turbulence,
     TurbulenceChoice,
@@ -53,6 +53,8 @@ pub struct Flow {
     pub body_force: BodyForce,
     /// `true` for the axes along which gravity acts on the fluid.
     pub gravity_acts: [bool; 3],
+    /// `true` if the pressure contains the hydrostatic one: gravity acts across walls, without a free surface.
+    pub hydrostatic: bool,
     /// Initial state of the fluid.
     pub initial: Initial,
     /// Conditions of the faces, by `Face::index`. A face that is not periodic has at least one patch: the first
@@ -77,6 +79,17 @@ impl Flow {
             SolidOperator::ViscosityMatched
         } else {
             SolidOperator::NonEquilibriumBounceBack
+        })
+    }
+
+    /// Returns the weighting of covered cells: as given, or by fraction where the hydrostatic pressure is part of the
+    /// lattice pressure.
+    #[must_use]
+    pub fn weighting(&self, written: &PartiallySaturated) -> Weighting {
+        written.weighting.unwrap_or(if self.hydrostatic {
+            Weighting::Fraction
+        } else {
+            Weighting::default()
         })
     }
 
@@ -144,6 +157,7 @@ impl Flow {
             fixed_by,
             body_force,
             gravity_acts: acts,
+            hydrostatic: lbm.surface.is_none() && (0..3).any(|a| acts[a] && !grid.periodic[a]),
             initial,
             faces,
             free_surface: lbm.surface.is_some(),

@@ -21,6 +21,7 @@ use case::Case;
 use case::blocks::BlockSource;
 use dem::polyhedron::{
     BlockContactModel, BlockHistory, HalfSpace, Narrow, Piece, Placed, PlacedPolyhedron,
+    penetration,
 };
 use dem::surface::FacetSurface;
 use nalgebra::Vector3;
@@ -193,17 +194,17 @@ impl<'a> Standing<'a> {
         (depth > ALLOWED * self.inner).then_some(depth)
     }
 
-    /// Returns the overlap \[m\] with another solid shifted by `shift`; not positive if they are separate.
+    /// Returns the overlap \[m\] with another solid shifted by `shift`, the shortest way out of it; not positive if
+    /// they are separate.
     fn depth(&self, other: &Self, shift: &Vector3<f64>, narrow: &mut Narrow) -> f64 {
         let separation = other.position + shift - self.position;
         let geometry = match (self.placed(), other.placed()) {
-            (Some(a), Some(b)) => narrow.blocks(
-                &a,
-                &b,
-                &separation,
-                &BlockContactModel::Patch,
-                &mut BlockHistory::default(),
-            ),
+            (Some(a), Some(b)) => {
+                let model = &BlockContactModel::Patch;
+                let history = &mut BlockHistory::default();
+                let touches = narrow.blocks(&a, &b, &separation, model, history);
+                return touches.map_or(0.0, |_| penetration(&a, &b, &separation));
+            }
             (Some(a), None) => narrow.sphere(&a, &separation, other.radius),
             (None, Some(b)) => narrow.sphere(&b, &-separation, self.radius),
             (None, None) => return self.radius + other.radius - separation.norm(),
@@ -825,11 +826,35 @@ mod tests {
             &list(pair),
             "by 0.005 m at the start across a periodic face",
         );
+        // Blocks that coincide, nearly coincide or lie within another: both are named, with the way out.
+        let cube = |[x, y]: [f64; 2], edge: f64, angle: f64| {
+            serde_json::json!({"shape": {"cuboid": {"edges": [edge, edge, edge]}}, "position": [x, y, 0.05],
+                "orientation": {"axis": [0, 0, 1], "angle_degrees": angle}})
+        };
+        for (other, way) in [
+            (cube([0.05, 0.05], 0.02, 0.0), "0.02"),
+            (cube([0.05 + 1e-12, 0.05], 0.02, 0.0), "0.02"),
+            (cube([0.05, 0.05 - 1e-17], 0.02, 1e-12), "0.02"),
+            (cube([0.05, 0.05], 0.01, 0.0), "0.015"),
+            (cube([0.052, 0.05], 0.01, 0.0), "0.013"),
+            (cube([0.05, 0.05], 0.01, 90.0), "0.015"),
+        ] {
+            for pair in [
+                [cube([0.05, 0.05], 0.02, 0.0), other.clone()],
+                [other.clone(), cube([0.05, 0.05], 0.02, 0.0)],
+            ] {
+                let words = format!("block 1 overlaps block 0 by {way} m at the start");
+                one(&list(serde_json::json!(pair)), &words);
+            }
+        }
         // This grain is deep in a structure, far from its surface.
         let mut hidden = list(serde_json::json!([block(0.05, 0.02)]));
         hidden["structures"] = serde_json::json!([{"name": "rock", "material": "glass",
             "shape": {"box": {"from": [0, 0, 0], "to": [0.1, 0.1, 0.09]}}}]);
-        one(&hidden, "the structure `rock`");
+        one(
+            &hidden,
+            "block 0 reaches into the structure `rock` by 0.05 m",
+        );
     }
 
     /// Checks that a beam is compared with walls and structures that pierce it far from its centroid and its corners.

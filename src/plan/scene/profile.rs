@@ -6,6 +6,8 @@
 //! and units are read. Of tables of points that ParaView exports (`U:0`, `Points:1`) other columns are not read.
 //! [`VelocityTable`] interpolates between the rows.
 
+use super::findings::number;
+use super::grid::Grid;
 use io::sheet::{Column, Header, Refusal, Sheet, Unit};
 use lbm::boundary::profile::VelocityTable;
 use std::path::Path;
@@ -14,6 +16,8 @@ use std::path::Path;
 pub const MAX_ROWS: usize = 1_000_000;
 /// Maximum length of a file \[bytes\]: that of [`MAX_ROWS`] rows of five numbers with all digits.
 const LONGEST: u64 = 256 << 20;
+/// Ratio of the extents of a table and of its face above which the table has another unit.
+const TOO_WIDE: f64 = 20.0;
 /// Names of the coordinate columns, by axis.
 const COORDINATES: [(&str, &[(&str, f64)]); 3] = [
     ("x", &[("points_0", 1.0)]),
@@ -59,14 +63,42 @@ const VELOCITIES: [(&str, &[(&str, f64)]); 3] = [
     ),
 ];
 
-/// Reads the table of a file for a face perpendicular to an axis.
+/// Reads the table of a file for a face perpendicular to an axis of a grid.
 ///
 /// # Errors
-/// If the file is not a valid table; the text names the file and the line.
-pub(crate) fn read(path: &Path, dimension: usize, axis: usize) -> Result<VelocityTable, String> {
+/// If the file is not a valid table, or its rows do not lie on the face; the text names the file and the line.
+pub(crate) fn read(path: &Path, grid: &Grid, axis: usize) -> Result<VelocityTable, String> {
     let text = io::plain::text(path, LONGEST).map_err(|e| e.to_string())?;
-    let rows = rows(&text, dimension, axis).map_err(|e| format!("{}: {e}", path.display()))?;
-    Ok(VelocityTable::new(dimension, rows))
+    let named = |e: String| format!("{}: {e}", path.display());
+    let rows = rows(&text, grid.dimension, axis).map_err(named)?;
+    judge_extent(&rows, grid, axis).map_err(named)?;
+    Ok(VelocityTable::new(grid.dimension, rows))
+}
+
+/// Compares the coordinates of a table with the face: a table in another unit covers much more than the face, or none
+/// of it.
+///
+/// # Errors
+/// If no row lies on the face, or the table is [`TOO_WIDE`] times as wide.
+fn judge_extent(rows: &[Vec<f64>], grid: &Grid, axis: usize) -> Result<(), String> {
+    let tangential = (0..grid.dimension).filter(|a| *a != axis);
+    for (column, a) in tangential.enumerate() {
+        let values = rows.iter().map(|row| row[column]);
+        let low = values.clone().fold(f64::INFINITY, f64::min);
+        let high = values.fold(f64::NEG_INFINITY, f64::max);
+        let (size, name) = (grid.size[a], COORDINATES[a].0);
+        let misses = high < 0.0 || low > size;
+        if misses || high - low > TOO_WIDE * size {
+            return Err(format!(
+                "the profile covers {name} from {} to {} m, the face 0 to {} m; correct the coordinates, or write \
+                 their unit in the header, such as `{name} [mm]`",
+                number(low),
+                number(high),
+                number(size)
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// Returns the columns of a table for a face perpendicular to an axis, in order.
@@ -131,6 +163,27 @@ mod tests {
 
     fn table(text: &str, dimension: usize) -> Result<VelocityTable, String> {
         Ok(VelocityTable::new(dimension, rows(text, dimension, 0)?))
+    }
+
+    /// Checks a table in millimetres without a unit, one next to the face, and a wider one of the right unit.
+    #[test]
+    fn a_profile_in_another_unit_is_refused() {
+        let text = r#"{"title": "p", "domain": {"size": [0.04, 0.01], "spacing": 0.001}, "time": {"end": 1},
+            "fluid": {"lattice_boltzmann": {"density": 1000, "kinematic_viscosity": 1e-5, "relaxation_time": 0.8}}}"#;
+        let document = case::Document::read(text, &[], Path::new(".")).unwrap();
+        let grid = crate::Plan::prepare(document).unwrap().scene.grid;
+        let judged = |y: [f64; 3]| {
+            let rows: Vec<Vec<f64>> = y.iter().map(|y| vec![*y, 0.006, 0.0]).collect();
+            judge_extent(&rows, &grid, 0)
+        };
+        assert_eq!(judged([0.0, 0.005, 0.01]), Ok(()));
+        assert_eq!(judged([-0.05, 0.0, 0.05]), Ok(()));
+        let reason = judged([0.0, 5.0, 10.0]).unwrap_err();
+        assert!(
+            reason.contains("covers y from 0 to 10 m, the face 0 to 0.01 m"),
+            "{reason}"
+        );
+        assert!(judged([0.1, 0.12, 0.14]).is_err());
     }
 
     #[test]

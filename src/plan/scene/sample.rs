@@ -47,6 +47,8 @@ pub(crate) const REMEDY: &str = "correct the path (relative to the case) or the 
 
 /// Range of the magnitudes that a case may contain.
 const SCALES: std::ops::RangeInclusive<f64> = 1e-30..=1e30;
+/// Maximum magnitude of coordinates and velocities, as for all numbers of a case.
+const LARGEST: f64 = 1e30;
 
 /// Reads the sample of a case, converts it to m and moves it to the position given in the case.
 ///
@@ -80,11 +82,30 @@ pub(crate) fn load(case: &Case, written: &SampleFile) -> Result<Vec<ListedGrain>
                 written.scale
             ));
         }
+        if let Some((what, large)) = grain.too_large() {
+            return Err(format!(
+                "grain {} has a {what} of {large:e}; numbers of a sample are at most {LARGEST:e} in magnitude",
+                n + 1
+            ));
+        }
     }
     Ok(grains)
 }
 
 impl ListedGrain {
+    /// Returns the name and the value of a number that no list may contain either.
+    fn too_large(&self) -> Option<(&'static str, f64)> {
+        let all = [
+            ("position", self.position),
+            ("velocity", self.velocity),
+            ("angular velocity", self.angular_velocity),
+        ];
+        let numbers = all.into_iter().flat_map(|(what, v)| v.map(|x| (what, x)));
+        numbers
+            .into_iter()
+            .find(|(_, x)| x.is_nan() || x.abs() > LARGEST)
+    }
+
     /// Converts lengths of a file whose unit is `scale` m, and moves the grain by `origin` \[m\].
     fn convert(&mut self, scale: f64, origin: Option<[f64; 3]>) {
         self.radius *= scale;

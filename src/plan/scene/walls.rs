@@ -189,6 +189,10 @@ fn written_wall(
         }
         facetted => surface = facets(case, grid, facetted, &shape, findings),
     }
+    let stationary = wall.velocity.is_none() && wall.history.is_none() && wall.servo.is_none();
+    if stationary {
+        check_reach(grid, (&plane, surface.as_ref()), &shape, findings);
+    }
     let velocity = wall.velocity.as_ref().map_or([0.0; 3], |v| {
         AlignedBox::vector(grid, v, &format!("{path}.velocity"), findings)
     });
@@ -257,6 +261,73 @@ impl Plane {
             findings.error(&path, reason, remedy);
         }
         Self { point, normal }
+    }
+}
+
+/// Refuses stationary facets that lie outside the domain, and warns of a stationary plane far behind the domain:
+/// neither ever acts. Such walls are written in another unit.
+fn check_reach(
+    grid: &Grid,
+    (plane, surface): (&Plane, Option<&FacetSurface>),
+    path: &str,
+    findings: &mut Findings,
+) {
+    let axes = 0..grid.dimension;
+    // A wall near the domain stops bodies whose centres are inside; none is larger than the shortest edge.
+    let slack = axes
+        .clone()
+        .map(|a| grid.size[a])
+        .fold(f64::INFINITY, f64::min);
+    let Some(surface) = surface else {
+        let lowest: f64 = axes
+            .map(|a| {
+                let heights = [0.0, grid.size[a]].map(|x| (x - plane.point[a]) * plane.normal[a]);
+                heights[0].min(heights[1])
+            })
+            .sum();
+        if lowest > slack {
+            findings.warn(
+                path,
+                format!(
+                    "the wall lies outside the domain, {} m from its nearest corner, so that it never acts",
+                    number(lowest)
+                ),
+                "correct its point or the direction of its normal, which leads into the grains",
+            );
+        }
+        return;
+    };
+    let corners = || (0..surface.len()).flat_map(|facet| surface.corners(facet));
+    let ends = |a: usize| {
+        corners().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| {
+            [low.min(v[a]), high.max(v[a])]
+        })
+    };
+    let outside = |a: &usize| {
+        let [low, high] = ends(*a);
+        low > grid.size[*a] + slack || high < -slack
+    };
+    if axes
+        .clone()
+        .filter(|a| !grid.periodic[*a])
+        .any(|a| outside(&a))
+    {
+        let list = |n: usize| {
+            axes.clone()
+                .map(|a| number(ends(a)[n]))
+                .collect::<Vec<_>>()
+                .join(", ")
+        };
+        let size = axes
+            .clone()
+            .map(|a| number(grid.size[a]))
+            .collect::<Vec<_>>()
+            .join(", ");
+        findings.error(
+            path,
+            format!("the wall lies outside the domain: it reaches from {} to {} m", list(0), list(1)),
+            format!("the domain is 0 … {size} m along its axes: move the wall into it, or correct its unit"),
+        );
     }
 }
 

@@ -81,6 +81,9 @@ pub(super) fn contacts_per_grain<S: Space>(
     if let Some(dem) = view.dem {
         let is_grain = |k: usize| view.particles.body[k].id >= first_grain;
         dem.for_each_contact(view.particles, |contact| {
+            if !contact.touches() {
+                return;
+            }
             let of_grains = [Some(contact.grain), contact.other]
                 .into_iter()
                 .flatten()

@@ -88,6 +88,11 @@ impl Origin {
         self.resumed.as_ref()?.regions.as_deref()
     }
 
+    /// Returns the regions whose rate of generated grains a restart has changed.
+    pub(super) fn feeds(&self) -> &[usize] {
+        self.resumed.as_ref().map_or(&[], |resumed| &resumed.feeds)
+    }
+
     /// Returns `true` if the time averages continue from those of the checkpoint.
     pub(super) fn averages_continue(&self) -> bool {
         self.resumed
@@ -169,7 +174,8 @@ pub(super) fn state<Sp: Space, S: SavedNumber>(
         parts.guards.restore(meters.unwrap_or_default());
         if origin.runs() {
             let saved = Recorders::read(attributes)?;
-            parts.removal.restore(&saved.removal, origin.regions())?;
+            let (time, changes) = (found.manifest.time, (origin.regions(), origin.feeds()));
+            parts.removal.restore(&saved.removal, changes, time)?;
             parts.recorders = Some(saved);
         }
         if let Source::Checkpoint(contacts) = source {
@@ -237,8 +243,12 @@ fn solids<Sp: Space, S: SavedNumber>(
     let radius = radius.unwrap_or(1.0);
     let (plan, particles) = (&now.plan, &mut now.particles);
     let mut engine = setup::dem::<Sp>(plan, radius)?;
+    // The relaxation of bonded grains measures displacements of its own.
+    let relaxes = matches!(origin.stage, Some(Stage::Rest(_)));
     if !plan.scene.marks_start() {
-        particles.forget_start();
+        if !relaxes {
+            particles.forget_start();
+        }
     } else if origin.fluid_has_advanced() && plan.scene.follows_grains() && !particles.has_start() {
         return Err(Error::Io(format!(
             "{} does not contain the initial positions of the grains, because its run had no displacements; \

@@ -483,12 +483,14 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         {
             let lists = dem.statistics(&now.particles);
             log::debug!(
-                "rank {}: neighbour lists built {} times, {} pairs tested; {} contacts now, {} of them bonded",
+                "rank {}: neighbour lists built {} times, {} pairs tested; {} contacts now, {} of them bonded, \
+                 {} bridges",
                 now.domain.rank(),
                 lists.rebuilds,
                 lists.tested,
                 lists.contacts,
-                lists.bonds
+                lists.bonds,
+                lists.bridges
             );
         }
     }

@@ -188,6 +188,40 @@ fn a_bridge_pulls_with_the_exact_force_until_it_breaks() {
     }
 }
 
+/// Checks that a bridge counts neither as a bond nor, across a gap, as a contact.
+#[test]
+fn a_bridge_is_no_bond_and_across_a_gap_no_contact() {
+    let (mut dem, mut particles) = pair(
+        BridgeVolume::Ratio(0.01),
+        (RADIUS, 1e20),
+        (2.0 * RADIUS - 1e-6, 0.0),
+        1e-7,
+    );
+    let count = |dem: &Dem<Volume>, particles: &Particles<Volume>| {
+        let now = dem.statistics(particles);
+        (now.contacts, now.bonds, now.bridges)
+    };
+    dem.advance(&mut particles, &alone()).unwrap();
+    assert_eq!(count(&dem, &particles), (1, 0, 1));
+    particles.motion[1].position.x = 2.0 * RADIUS + 1e-5;
+    dem.advance(&mut particles, &alone()).unwrap();
+    assert_eq!(count(&dem, &particles), (0, 0, 1));
+    let mut reported = Vec::new();
+    dem.for_each_contact(&particles, |contact| reported.push(contact));
+    let [bridge] = reported[..] else {
+        panic!("{reported:?}");
+    };
+    let force = 2.0 * PI * RADIUS * TENSION * Fit::new(0.0).force(0.01, 1e-5 / RADIUS);
+    assert!(!bridge.bonded && !bridge.touches() && bridge.overlap < 0.0);
+    assert!((bridge.bridge / force - 1.0).abs() < 1e-9, "{bridge:?}");
+    assert!((bridge.normal_force + bridge.bridge).abs() < 1e-9 * force);
+    // The bridge breaks, and nothing is left of it.
+    particles.motion[1].position.x = 2.5 * RADIUS;
+    dem.advance(&mut particles, &alone()).unwrap();
+    assert_eq!(count(&dem, &particles), (0, 0, 0));
+    assert!(dem.take_breaks().is_empty());
+}
+
 /// Checks that a collision of elastic spheres with a bridge loses the work of the bridge from contact to rupture,
 /// whatever its speed, and that a slower sphere sticks.
 #[test]

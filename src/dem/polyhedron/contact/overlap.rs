@@ -18,6 +18,10 @@ const ENLARGEMENT: f64 = 1.0 / 68_719_476_736.0;
 /// Ratio of vector area to area below which the direction of the vector area is unreliable.
 const MIN_AREA_RATIO: f64 = 0.05;
 
+/// Ratio of vector area to the larger of both areas below which one block lies within the other: its closed surface has
+/// no vector area, only rounding errors.
+const ENCLOSED_RATIO: f64 = 1e-3;
+
 /// Overlap of two solids: volume [m³], position relative to the first centre [m], and the vector area [m²] of the
 /// first block's surface in it.
 #[derive(Clone, Copy, Debug, Default)]
@@ -192,6 +196,7 @@ impl Narrow {
         let [one, two] = overlap.surfaces;
         let sound = overlap.volume > 0.0
             && area > MIN_AREA_RATIO * one.min(two)
+            && area > ENCLOSED_RATIO * one.max(two)
             && overlap.centroid.iter().all(|c| c.is_finite());
         sound.then(|| Geometry {
             arm: overlap.centroid,
@@ -210,7 +215,8 @@ impl Narrow {
         // If one block penetrates the other, the vectors of a surface nearly cancel: the force remains, with an
         // area that does not vanish.
         let [one, two] = overlap.surfaces;
-        let area = overlap.area.norm().max(MIN_AREA_RATIO * one.min(two));
+        let least = (MIN_AREA_RATIO * one.min(two)).max(ENCLOSED_RATIO * one.max(two));
+        let area = overlap.area.norm().max(least);
         let sound = area > 0.0 && push.point.iter().all(|c| c.is_finite());
         sound.then(|| Geometry {
             arm: push.point,

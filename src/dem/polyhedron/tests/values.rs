@@ -9,6 +9,7 @@ use super::super::force::Approach;
 use super::super::linear_program::{NO_BASIS, Verdict, solve};
 use super::super::{
     BlockContactModel, BlockHistory, BlockPairLaw, HalfSpace, Narrow, Polyhedron, Stiffness,
+    penetration,
 };
 use super::{between, direction, placed, random_hull, random_orientation};
 use base::random::Stream;
@@ -187,6 +188,34 @@ fn a_gap_is_a_gap() {
     assert_eq!(narrow.method_counts.programs, 2);
     // Exact touching is not a contact.
     assert!(look(&mut narrow, &mut history, 1.0).is_none());
+}
+
+/// Checks that blocks that coincide, nearly coincide or lie within each other have a finite depth: the surface of the
+/// inner block is closed and has no vector area to divide by.
+#[test]
+fn a_block_within_a_block_has_a_finite_depth() {
+    let cube = Polyhedron::cuboid(Vector3::repeat(1.0)).unwrap();
+    let inner = Polyhedron::cuboid(Vector3::repeat(0.5)).unwrap();
+    let none = UnitQuaternion::identity();
+    for (second, shift, way) in [
+        (&cube, 0.0, 1.0),
+        (&cube, 1e-12, 1.0),
+        (&inner, 0.0, 0.75),
+        (&inner, 0.1, 0.65),
+    ] {
+        let separation = Vector3::new(shift, 0.0, 0.0);
+        for [a, b] in [[&cube, second], [second, &cube]] {
+            let (a, b) = (placed(a, &none), placed(b, &none));
+            let found = penetration(&a, &b, &separation);
+            assert!((found - way).abs() < 1e-11, "{shift}: {found} {way}");
+            for model in [BlockContactModel::Patch, BlockContactModel::Pressure] {
+                let history = &mut BlockHistory::default();
+                let touch = Narrow::default().blocks(&a, &b, &separation, &model, history);
+                let depth = touch.unwrap().depth;
+                assert!(depth > 0.0 && depth < 100.0, "{model:?} {shift}: {depth}");
+            }
+        }
+    }
 }
 
 #[test]

@@ -4,7 +4,7 @@
 //! In addition to the pressures stated in a case, the flow itself requires pressures, estimated from above:
 //!
 //! ```text
-//! start     ρ c U, at most 2 ρ U L/T      a velocity U, imposed at once or during the time T
+//! drive     ρ c U, at most 2 ρ U L/T      a velocity that changes by U, at once or during the time T
 //! rim       ρ U (0.35 c + k ν/h)          a uniform profile that ends at a wall; k = 1.8 in 2-D, 3.9 in 3-D
 //! lid       ρ U (0.05 c + k ν/h)          a moving wall that meets one at rest; k = 2.8 in 2-D, 3.15 in 3-D
 //! channel   12 ρ ν U L/(a² (1 - 0.63 a/b))    between plates (b infinite) or in a duct a x b
@@ -27,6 +27,7 @@ use crate::scene::boundaries::ScenePatch;
 use crate::scene::flow::{Flow, PATH};
 use crate::scene::initial::Initial;
 use crate::scene::speed::{PILOT_MARGIN, passage};
+use base::history::TimeTable;
 use lbm::boundary::profile::VelocityProfile;
 use lbm::boundary::{Condition, Inflow, Strength, SurfaceKind};
 use serde::Serialize;
@@ -53,6 +54,29 @@ const ESTIMATE_RATIO: f64 = 1.3;
 const LID_ESTIMATE_RATIO: f64 = 0.9;
 /// Ratio for the sound of a start, which is exact except for spreading.
 const START_ESTIMATE_RATIO: f64 = 1.0;
+
+/// Change of a velocity that drives the water: its size [m/s] and its duration \[s\], 0 for an immediate change.
+pub(super) type Change = [f64; 2];
+
+/// Returns the changes of a velocity by a table of factors before `end` \[s\]: the start from rest, within `ramp_time`
+/// \[s\], and the changes between rows. `value` [m/s] is the velocity for a factor of 1, `start` that of the water.
+pub(super) fn changes(
+    table: Option<&[[f64; 2]]>,
+    [value, start]: [f64; 2],
+    ramp_time: f64,
+    end: f64,
+) -> Vec<Change> {
+    let first = TimeTable::new(table, 1.0).value_after(0.0);
+    let rows = table.unwrap_or(&[]).windows(2);
+    let rows = rows.filter(|rows| rows[0][0] < end && rows[1][0] > 0.0);
+    let between = rows.map(|rows| {
+        let [from, to] = [rows[0], rows[1]];
+        [(value * (to[1] - from[1])).abs(), to[0] - from[0]]
+    });
+    let from_rest = [(value * first - start).abs(), ramp_time];
+    let all = std::iter::once(from_rest).chain(between);
+    all.filter(|[size, _]| *size > 0.0).collect()
+}
 
 /// Cause of a density change.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -84,6 +108,39 @@ impl Cause {
             most: f64::INFINITY,
             over: ESTIMATE_RATIO,
         }
+    }
+
+    /// Returns the sound of a drive whose velocity changes, for a relative density change of `sound` times the lattice
+    /// velocity and a path of the sound of `length` \[m\]; none if it does not change. A change within T has at most
+    /// the pressure 2 ρ U L/T.
+    pub(super) fn drive(
+        (what, path): (&'static str, String),
+        changes: &[Change],
+        (sound, density, length): (f64, f64, f64),
+        over: f64,
+    ) -> Option<Self> {
+        let bound = |[size, time]: Change| {
+            if time > 0.0 {
+                2.0 * density * size * length / time
+            } else {
+                f64::INFINITY
+            }
+        };
+        let velocity = changes.iter().map(|change| change[0]).fold(0.0, f64::max);
+        (velocity > 0.0).then(|| Self {
+            what,
+            path,
+            pressure: 0.0,
+            velocity,
+            sound,
+            most: changes.iter().copied().map(bound).fold(0.0, f64::max),
+            over,
+        })
+    }
+
+    /// Returns `true` for the sound of a drive that changes gradually: results while it changes are those of sound.
+    pub(crate) fn is_gradual(&self) -> bool {
+        self.sound > 0.0 && self.most.is_finite()
     }
 
     /// Returns `true` for a pressure loss along the flow, whose density change is an error of the flow.
@@ -256,39 +313,41 @@ impl<'a> Inlet<'a> {
             return None;
         };
         let (axis, model) = (self.axis, self.patch.condition.model());
-        let normal = match uniform(self.patch) {
-            Some(velocity) => (velocity[axis] - start[axis]).abs(),
+        let table = match &self.patch.condition {
+            Condition::Velocity(velocity) => velocity.history.as_deref(),
+            _ => None,
+        };
+        let velocities = match uniform(self.patch) {
+            Some(velocity) => [velocity[axis], start[axis]],
             // Waves across the face decay within some steps.
             None => {
-                let own = match model.inflow(&self.patch.imposed_at(&scene.grid, PATH)) {
+                let largest = TimeTable::new(table, 1.0).largest();
+                let own = match model.largest_inflow(&self.patch.imposed_at(&scene.grid, PATH)) {
                     Inflow::Mean(mean) => (PROFILE_SOUND_FACTOR * mean.abs()).min(self.speed),
                     _ => self.speed,
                 };
-                own + start[axis].abs()
+                [own / largest, -start[axis].abs()]
             }
         };
+        let changes = changes(table, velocities, model.ramp_time(), scene.time.end);
         let rim = self.uniform_at_walls(flow).is_some();
-        let ramp = model.ramp_time();
         // Solids reflect part of the sound, which the opening reflects again: p (1 + 2 R), R = (1 - a)/(1 + a) for
         // the open fraction a.
         let back = open.map_or(0.0, |open| (1.0 - open) / (1.0 + open));
-        (normal > 0.0).then(|| Cause {
-            what: "the pressure wave of the start",
-            path: self.path.clone(),
-            pressure: 0.0,
-            velocity: normal,
-            sound: 3.0_f64.sqrt() * (1.0 + 2.0 * back) * if rim { RIM_SOUND_FACTOR } else { 1.0 },
-            most: if ramp > 0.0 {
-                2.0 * flow.density * normal * scene.grid.size[axis] / ramp
-            } else {
-                f64::INFINITY
-            },
-            over: if rim {
-                ESTIMATE_RATIO
-            } else {
-                START_ESTIMATE_RATIO
-            },
-        })
+        let sound = 3.0_f64.sqrt() * (1.0 + 2.0 * back) * if rim { RIM_SOUND_FACTOR } else { 1.0 };
+        let what = if table.is_some() {
+            "the pressure wave of the changing inflow"
+        } else {
+            "the pressure wave of the start"
+        };
+        let over = if rim {
+            ESTIMATE_RATIO
+        } else {
+            START_ESTIMATE_RATIO
+        };
+        let path = self.path.clone();
+        let of = (sound, flow.density, scene.grid.size[axis]);
+        Cause::drive((what, path), &changes, of, over)
     }
 
     fn rim_pressure(&self, scene: &Scene, flow: &Flow) -> Option<Cause> {

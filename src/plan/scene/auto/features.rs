@@ -56,7 +56,8 @@ fn obstacle(coupling: &Coupling, flow: Option<&Flow>, round: bool) -> &'static s
 }
 
 fn of_blocks(cells: &PartiallySaturated, flow: Option<&Flow>) -> &'static str {
-    if cells.weighting == Weighting::Fraction {
+    let weighting = flow.map_or(cells.weighting, |flow| Some(flow.weighting(cells)));
+    if weighting == Some(Weighting::Fraction) {
         return "blocks: weighted by fraction";
     }
     let operator = flow.map_or(cells.solid_operator, |flow| {

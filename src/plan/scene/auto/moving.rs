@@ -1,7 +1,7 @@
 //! Density changes caused by bodies that move through the lattice fluid.
 //!
 //! ```text
-//! start     ρ c U                             a driven body moves from the first step on
+//! drive     ρ c U, at most 4 ρ U R/T          a driven body whose velocity changes by U, at once or during T
 //! flow      ρ U² |C_p|/2 + k ρ ν U/R          suction at the body in potential flow, C_p = -3 (disc), -5/4 (sphere)
 //!                                             (Batchelor 1967, sections 6.6 and 6.8); k = 3/2 for a sphere in
 //!                                             creeping flow
@@ -16,7 +16,7 @@
 //! by the weight and the momentum of the body: a force F is the pressure F/(2 π R δ) under a sphere and 2 F/(π (2 R
 //! δ)^½) under a disc. Fluid leaves the film at up to U (R/(2 δ))^½.
 
-use super::density::Cause;
+use super::density::{Cause, changes};
 use crate::scene::Scene;
 use crate::scene::bodies::{Mobility, NamedBody};
 use crate::scene::flow::Flow;
@@ -52,7 +52,7 @@ pub(super) fn causes(scene: &Scene, flow: &Flow) -> Vec<Cause> {
             Mobility::Driven => {
                 let path = format!("bodies[{n}].motion");
                 let speed = size(body.largest_motion()[0]);
-                causes.extend(start(scene, &path, size(body.motion_at_start()[0])));
+                causes.extend(change_of_motion(scene, flow, &path, (body, radius)));
                 causes.extend(around(scene, flow, path, radius, speed));
             }
             Mobility::Free => {
@@ -82,16 +82,22 @@ fn size(v: [f64; 3]) -> f64 {
     v.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-fn start(scene: &Scene, path: &str, speed: f64) -> Option<Cause> {
-    (speed > 0.0).then(|| Cause {
-        what: "the pressure wave of a body that starts to move",
-        path: path.into(),
-        pressure: 0.0,
-        velocity: speed,
-        sound: 3.0_f64.sqrt(),
-        most: f64::INFINITY,
-        over: START_ESTIMATE_RATIOS[scene.grid.dimension - 2],
-    })
+fn change_of_motion(
+    scene: &Scene,
+    flow: &Flow,
+    path: &str,
+    (body, radius): (&NamedBody, f64),
+) -> Option<Cause> {
+    let table = body.history.as_deref();
+    let changes = changes(table, [size(body.velocity), 0.0], 0.0, scene.time.end);
+    let what = if table.is_some() {
+        "the pressure wave of a body whose velocity changes"
+    } else {
+        "the pressure wave of a body that starts to move"
+    };
+    let of = (3.0_f64.sqrt(), flow.density, 2.0 * radius);
+    let over = START_ESTIMATE_RATIOS[scene.grid.dimension - 2];
+    Cause::drive((what, path.into()), &changes, of, over)
 }
 
 fn impact(

@@ -10,6 +10,8 @@
 //!   target, and 3 %;
 //! - the sum of all density changes that the flow needs ([`super::density`]) is at most three quarters of
 //!   `guards.max_compression`;
+//! - the density change by the sound of drives that change gradually (ramps, tables) is at most 3 %, unless the
+//!   relaxation time would fall below the range of two relaxation times: a warning then states the change;
 //! - at least 200 steps in a period, 100 in the run, one in every output interval;
 //! - sound passes four times between openings, and pressures upstream of narrow passages have risen
 //!   ([`super::sound`]), before the end or before averages begin, unless the relaxation time would fall below the
@@ -129,12 +131,51 @@ pub(crate) fn choose(
     let speed = fastest(scene, &flow);
     if flow.fixed_by == "accuracy" {
         time_step(scene, &mut flow, speed.as_ref(), target, narrow_gaps);
+        warn_of_sound(scene, &flow, findings);
         check_operator(lbm, flow.relaxation_time, findings);
     }
     eddies(scene, &mut flow, lbm, speed.as_ref().map(|s| s.value));
     operator(scene, &mut flow, lbm, findings);
     storage(scene, &mut flow, lbm, target);
     scene.flow = Some(flow);
+}
+
+/// Returns the density causes of drives that change gradually.
+fn gradual(scene: &Scene) -> Vec<density::Cause> {
+    let causes = scene.density_causes.iter();
+    causes.filter(|cause| cause.is_gradual()).cloned().collect()
+}
+
+/// Warns of gradual changes of a drive whose sound the chosen time step does not keep small.
+fn warn_of_sound(scene: &Scene, flow: &Flow, findings: &mut Findings) {
+    let (h, dt) = (scene.grid.spacing, flow.time_step);
+    let causes = gradual(scene);
+    let change = density::total(&causes, dt, h, flow.density);
+    let of = DensityBound {
+        bound: MAX_COMPRESSION,
+        spacing: h,
+        density: flow.density,
+    };
+    let Some((cause, step)) = density::longest_step(&causes, &of) else {
+        return;
+    };
+    if change <= MAX_COMPRESSION * (1.0 + 1e-3) {
+        return;
+    }
+    let reason = format!(
+        "{} changes the density of the lattice fluid by up to {} %, which should be at most {} %: while the drive \
+         changes, forces and pressures are those of sound; a shorter automatic step would leave the range of stable \
+         relaxation times",
+        cause.what,
+        number(100.0 * change),
+        number(100.0 * MAX_COMPRESSION)
+    );
+    let remedy = format!(
+        "let the drive change over a longer time, ignore results while it changes, or use a smaller spacing, with \
+         which a time step of {} s is stable",
+        number(step)
+    );
+    findings.warn(&cause.path, reason, remedy);
 }
 
 /// Fraction of the target for the density change along the flow.
@@ -231,6 +272,19 @@ fn time_step(
         if flow.time_step < limit.time_step * (1.0 - ROUNDING) {
             text += ", shortened so that the intervals of samples are multiples of it";
         }
+        let sudden = scene.density_causes.iter();
+        let sudden = sudden
+            .filter(|cause| cause.sound > 0.0 && cause.pressure == 0.0 && !cause.is_gradual());
+        let of =
+            |cause: &density::Cause| cause.change(flow.time_step, scene.grid.spacing, flow.density);
+        let largest = sudden.max_by(|a, b| of(a).total_cmp(&of(b)));
+        if let Some(cause) = largest.filter(|cause| of(cause) > MAX_COMPRESSION) {
+            text += &format!(
+                "; {} changes the density by up to {} % until it has decayed",
+                cause.what,
+                number(100.0 * of(cause))
+            );
+        }
         scene.chosen.note(Subject::TimeStep, text);
     }
     scene.chosen.limits = limits;
@@ -317,6 +371,20 @@ fn limits(
     }
     if let Some(waves) = sound::waves(scene, flow) {
         let (what, time_step) = waves.longest_step(h, SOUND_SHARE * target);
+        add(what, time_step.max(stable));
+    }
+    let causes = gradual(scene);
+    let of = DensityBound {
+        bound: MAX_COMPRESSION,
+        spacing: h,
+        density: flow.density,
+    };
+    if let Some((cause, time_step)) = density::longest_step(&causes, &of) {
+        let what = format!(
+            "a density change of {} % by {}",
+            number(100.0 * MAX_COMPRESSION),
+            cause.what
+        );
         add(what, time_step.max(stable));
     }
     for (axis, gap) in narrow_gaps.iter().filter(|(_, gap)| gap.width > 0.0) {
@@ -614,6 +682,91 @@ mod tests {
         }
         let stated = plan(0.01, Value::Null, Some(1.3e-5)).clock.time_step;
         assert!((stated / 1.3e-5 - 1.0).abs() < 1e-12);
+    }
+
+    /// Returns the plan of a channel of 0.2 m whose inflow of 0.05 m/s has more fields, or in which a disc is driven.
+    fn driven(inflow: &Value, motion: &Value, viscosity: f64) -> Plan {
+        let mut condition = json!({"profile": {"uniform": [0.05, 0]}});
+        if let Some(fields) = inflow.as_object() {
+            for (name, value) in fields {
+                condition[name] = value.clone();
+            }
+        }
+        let open = json!([
+            {"name": "in", "face": "x_min", "condition": {"velocity": condition}},
+            {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}}
+        ]);
+        let mut case = json!({
+            "domain": {"size": [0.2, 0.1], "spacing": 0.005},
+            "fluid": {"lattice_boltzmann": {"density": 1000, "kinematic_viscosity": viscosity}},
+            "time": {"end": 3}
+        });
+        if motion.is_null() {
+            case["fluid"]["lattice_boltzmann"]["boundaries"] = open;
+        } else {
+            case["materials"] = json!({"steel": {"density": 7800}});
+            case["bodies"] = json!([{"name": "rod", "shape": {"disc": {"radius": 0.02}}, "position": [0.1, 0.05],
+                "material": "steel", "motion": {"driven": motion}}]);
+        }
+        let document = Document::read(&case.to_string(), &[], Path::new("")).unwrap();
+        Plan::prepare(document).unwrap_or_else(|problems| panic!("{problems:#?}"))
+    }
+
+    /// Checks that every drive that changes gradually limits the automatic time step by its sound, or that a warning
+    /// states the density change: ramps and tables of inflows and bodies.
+    #[test]
+    fn sound_of_a_changing_drive_limits_the_step_or_is_stated() {
+        let none = Value::Null;
+        let quick = json!([[0, 0], [0.1, 1], [2, 1]]);
+        let body = json!({"velocity": [0.05, 0], "history": quick});
+        let mut limited = 0;
+        for (inflow, motion) in [
+            (json!({"history": quick}), none.clone()),
+            (json!({"ramp_time": 0.1}), none.clone()),
+            (none.clone(), body),
+        ] {
+            for viscosity in [1e-3, 1e-5] {
+                let plan = driven(&inflow, &motion, viscosity);
+                let scene = &plan.scene;
+                let flow = scene.flow.as_ref().unwrap();
+                let causes = gradual(scene);
+                assert_eq!(
+                    causes.len(),
+                    1,
+                    "{inflow} {motion}: {:?}",
+                    scene.density_causes
+                );
+                let change = density::total(&causes, flow.time_step, 0.005, 1000.0);
+                let said = plan
+                    .warnings
+                    .iter()
+                    .any(|w| w.reason.contains("are those of sound"));
+                assert_eq!(
+                    said,
+                    change > MAX_COMPRESSION * 1.001,
+                    "{inflow} {motion} {change}"
+                );
+                limited += usize::from(!said);
+                // The change from rest to 0.05 m/s within 0.1 s: at most that of a sudden one.
+                let sudden = causes[0].sound * 0.05 * flow.time_step / 0.005;
+                assert!(change <= sudden * (1.0 + 1e-12), "{change} {sudden}");
+            }
+        }
+        assert!(limited > 0);
+        // A table that turns round changes by the difference of its rows.
+        let turned = json!({"history": [[0, 1], [1, 1], [1.1, -1], [3, -1]]});
+        let plan = driven(&turned, &none, 1e-3);
+        let cause = plan
+            .scene
+            .density_causes
+            .iter()
+            .find(|cause| cause.sound > 0.0)
+            .unwrap();
+        assert!((cause.velocity - 0.1).abs() < 1e-15, "{cause:?}");
+        // A sudden start is stated with the reason of the time step.
+        let plan = driven(&none, &none, 1e-3);
+        let reason = plan.scene.chosen.reason_of(Subject::TimeStep).unwrap();
+        assert!(reason.contains("changes the density by up to"), "{reason}");
     }
 
     #[test]

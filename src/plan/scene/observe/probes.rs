@@ -8,8 +8,8 @@ use crate::scene::findings::{Findings, number};
 use crate::scene::grid::Grid;
 use crate::scene::seepage::grid_of;
 use crate::scene::structures::Structure;
-use crate::scene::unique;
 use crate::scene::walls::SceneWall;
+use crate::scene::{has_grains, unique};
 use base::error::Remedy;
 use case::Case;
 use case::fluid::Fluid;
@@ -518,7 +518,7 @@ impl Measured<'_> {
 
     fn grains(&self, written: &Fabric, path: &str, findings: &mut Findings) -> ProbeAt {
         let (case, grid) = (self.case, self.grid);
-        if case.grains.is_none() {
+        if !has_grains(case) {
             findings.error(
                 path,
                 "there are no grains in this case",

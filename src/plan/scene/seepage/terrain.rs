@@ -19,6 +19,8 @@ use std::sync::Arc;
 
 /// Minimum and maximum number of points of a surface.
 const POINTS: std::ops::RangeInclusive<usize> = 2..=1_000_000;
+/// Distance from the surface in widths of a cell within which a centre lies on it.
+const ON_SURFACE: f64 = 1e-9;
 /// Path of the surface of the ground in a case.
 const SURFACE: &str = "terrain";
 
@@ -101,8 +103,11 @@ impl Seepage {
         let coarse = self.coarse_grid(grid.dimension);
         let up = grid.dimension - 1;
         let above = |cell: usize| {
-            let centre = coarse.centre(coarse.cell(cell));
-            centre[up] > height.over(centre)
+            let cell = coarse.cell(cell);
+            let centre = coarse.centre(cell);
+            // A centre on the surface is ground, whatever the rounding of the height: a slope through centres and its
+            // mirror image contain the same cells.
+            centre[up] - height.over(centre) > ON_SURFACE * coarse.width(up, cell)
         };
         let above: Vec<bool> = (0..coarse.count()).map(above).collect();
         let place = format!("{path}.surface");

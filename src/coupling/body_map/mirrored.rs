@@ -1,0 +1,228 @@
+//! The links from water through planes of symmetry into the mirror images of bodies.
+
+use super::rows::Row;
+use super::{BodyMap, FLUID, OUTSIDE, tag};
+use lbm::lanes::Stored;
+use lbm::links::mirrored::{MirroredLink, bounce_mirrored};
+use lbm::links::{BodyLink, Load, Rigid, Scheme};
+use lbm::populations::Populations;
+use std::sync::atomic::Ordering;
+
+/// Link from a cell of a body or joint through planes of symmetry.
+struct Through {
+    inner: [i32; 3],
+    /// Index of the direction from the inner cell.
+    out: usize,
+    /// Cell whose image is at the other end.
+    outer: [i32; 3],
+    there: u32,
+}
+
+impl BodyMap {
+    /// Finds the halves of links through planes of symmetry of every body that is linked again.
+    pub(super) fn mirror_links<S: Stored>(&mut self, populations: &Populations<S>) {
+        if !self.slab.mirrors() {
+            return;
+        }
+        let mut found = Vec::new();
+        for k in 0..self.bodies.len() {
+            if self.relink[k].load(Ordering::Relaxed) {
+                found.clear();
+                self.mirror(k, populations, &mut found);
+                std::mem::swap(&mut self.bodies[k].mirrored, &mut found);
+            }
+        }
+    }
+
+    /// Finds the halves of links of body `k`.
+    fn mirror<S: Stored>(
+        &self,
+        k: usize,
+        populations: &Populations<S>,
+        found: &mut Vec<MirroredLink>,
+    ) {
+        let body = &self.bodies[k];
+        let (mine, rows) = (tag(body.id), &body.rows);
+        let frame = self.slab.frame(body.shift);
+        let deep = self.slab.dimension == 3;
+        let ends = rows.rows().flat_map(|row| rows.ends(row, deep));
+        for inner in ends.flat_map(Row::cells) {
+            if !self.slab.deep(inner) && self.owner[self.slab.layout_index(inner)] == mine {
+                self.through(inner, |through| {
+                    let near = [through.inner, through.outer];
+                    if through.there == mine || !near.iter().any(|cell| self.slab.interior(*cell)) {
+                        return;
+                    }
+                    let moves = through.there == FLUID && self.is_open(through.outer);
+                    found.extend(self.halves(&through, frame, moves, populations));
+                });
+            }
+        }
+    }
+
+    /// Finds the halves of the links of closed cells of joints, which are at rest and have no load.
+    pub(super) fn mirror_joints<S: Stored>(
+        &self,
+        closed: &[(usize, [i32; 3])],
+        populations: &Populations<S>,
+        found: &mut Vec<MirroredLink>,
+    ) {
+        found.clear();
+        if !self.slab.mirrors() {
+            return;
+        }
+        for &(_, inner) in closed {
+            self.through(inner, |through| {
+                if through.there == FLUID {
+                    let halves = self.halves(&through, [0; 3], false, populations);
+                    found.extend(halves.map(|link| MirroredLink {
+                        half: BodyLink {
+                            loads: false,
+                            ..link.half
+                        },
+                        ..link
+                    }));
+                }
+            });
+        }
+    }
+
+    /// Visits the links from a cell through planes of symmetry to images of other cells of the domain.
+    fn through(&self, inner: [i32; 3], mut visit: impl FnMut(Through)) {
+        for (out, along) in self.directions.iter().enumerate().skip(1) {
+            let beyond = std::array::from_fn(|a| inner[a] + along.c[a]);
+            let Some(outer) = self.slab.grid.image(self.slab.dimension, beyond) else {
+                continue;
+            };
+            if outer != inner && self.slab.held(outer) {
+                let there = self.owner[self.slab.layout_index(outer)];
+                if there != OUTSIDE {
+                    visit(Through {
+                        inner,
+                        out,
+                        outer,
+                        there,
+                    });
+                }
+            }
+        }
+    }
+
+    /// Returns `true` if a cell is the image of water across planes of symmetry.
+    pub(super) fn is_mirrored_water(&self, cell: [i32; 3]) -> bool {
+        let image = self.slab.grid.image(self.slab.dimension, cell);
+        image
+            .is_some_and(|at| self.slab.held(at) && self.owner[self.slab.layout_index(at)] == FLUID)
+    }
+
+    /// Returns `true` if the surface moves the water of a cell: it has fewer solid neighbours than a narrow gap.
+    fn is_open(&self, cell: [i32; 3]) -> bool {
+        let place = self.slab.layout_index(cell);
+        self.rules.isolated.is_none_or(|limit| {
+            let near = self.directions[1..].iter();
+            let near = near.map(|along| self.owner[place.wrapping_add_signed(along.map_offset)]);
+            near.filter(|owner| *owner != FLUID).count() < limit
+        })
+    }
+
+    /// Returns the halves of a link at cells of the slab: inside the body, and outside if the other end is water.
+    fn halves<S: Stored>(
+        &self,
+        through: &Through,
+        frame: [i32; 3],
+        moves: bool,
+        populations: &Populations<S>,
+    ) -> impl Iterator<Item = MirroredLink> + use<S> {
+        let along = &self.directions[through.out];
+        let (inner, outer, c) = (through.inner, through.outer, along.c);
+        let number = |direction: usize| u8::try_from(direction).unwrap_or(0);
+        let cell = |at: [i32; 3]| populations.cell(at.map(|v| v as isize));
+        let middle = std::array::from_fn(|a| {
+            if a < self.slab.dimension {
+                2 * (inner[a] - frame[a]) + 1 + c[a]
+            } else {
+                0
+            }
+        });
+        let inside = self.slab.interior(inner).then(|| MirroredLink {
+            half: BodyLink {
+                link: populations.link(cell(inner), through.out),
+                middle,
+                direction: number(through.out),
+                loads: false,
+                moves,
+                backed: false,
+            },
+            leaves: number(through.out),
+            kappa: None,
+        });
+        // The direction from the outer cell through the plane: the image of that into the body.
+        let turned: [i32; 3] = std::array::from_fn(|a| {
+            let crossed = outer[a] != inner[a] + c[a];
+            if crossed { c[a] } else { -c[a] }
+        });
+        let leaves = self.directions.iter().position(|d| d.c == turned);
+        let wet = through.there == FLUID && self.slab.interior(outer);
+        let outside = leaves.filter(|_| wet).map(|leaves| {
+            let behind: [i32; 3] = std::array::from_fn(|a| outer[a] - turned[a]);
+            let back = self.directions[leaves].opposite;
+            let place = self.slab.layout_index(outer);
+            MirroredLink {
+                half: BodyLink {
+                    link: populations.link(cell(outer), leaves),
+                    middle,
+                    direction: number(along.opposite),
+                    loads: true,
+                    moves,
+                    backed: self.slab.held(behind)
+                        && (self.owner[self.slab.layout_index(behind)] == FLUID
+                            || self.is_mirrored_water(behind))
+                        && !self.cut(place, back),
+                },
+                leaves: number(leaves),
+                kappa: None,
+            }
+        });
+        inside.into_iter().chain(outside)
+    }
+
+    /// Reflects populations on links through planes of symmetry and adds the loads. Returns the load that the planes
+    /// receive, which completes the balance of the momentum; none without such planes.
+    pub fn bounce_at_planes<S: Stored>(
+        &self,
+        populations: &mut Populations<S>,
+        scheme: Scheme,
+        loads: &mut [Load],
+    ) -> Option<Load> {
+        if !self.slab.mirrors() {
+            return None;
+        }
+        let mut planes: Load = [0; 6];
+        for (k, body) in self.bodies.iter().enumerate() {
+            if body.mirrored.is_empty() {
+                continue;
+            }
+            let (links, motion, faces) = (&body.mirrored, &self.motion[k], self.faces(k));
+            let mut load: Load = [0; 6];
+            if self.slab.dimension == 2 {
+                bounce_mirrored::<S, 2>(populations, scheme, links, motion, faces, &mut load);
+            } else {
+                bounce_mirrored::<S, 3>(populations, scheme, links, motion, faces, &mut load);
+            }
+            for a in 0..6 {
+                loads[k][a] += load[a];
+            }
+            for a in 0..3 {
+                planes[a] -= load[a];
+            }
+        }
+        let (links, still) = (self.mirrored_joint_links(), Rigid::default());
+        let mut none: Load = [0; 6];
+        if self.slab.dimension == 2 {
+            bounce_mirrored::<S, 2>(populations, Scheme::HalfWay, links, &still, &[], &mut none);
+        } else {
+            bounce_mirrored::<S, 3>(populations, Scheme::HalfWay, links, &still, &[], &mut none);
+        }
+        Some(planes)
+    }
+}
