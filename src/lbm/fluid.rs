@@ -468,8 +468,8 @@ impl<S: Stored> Fluid<S> {
         let reversed = self.populations.parity() == super::populations::Parity::Reversed;
         let last = planes.cast_signed() - 1;
         if reversed && round_middle {
-            wrap(&mut self.populations, 0..1);
-            wrap(&mut self.populations, last..last + 1);
+            self.wrap(0..1);
+            self.wrap(last..last + 1);
         }
         self.halo.start(&self.populations);
         let early = !round_middle && self.surface.is_none() && self.boundaries.walls_stand_alone();
@@ -478,10 +478,10 @@ impl<S: Stored> Fluid<S> {
         self.hide_dry(false);
         self.halo.finish(&mut self.populations);
         if reversed && round_middle {
-            wrap(&mut self.populations, 1..last);
+            self.wrap(1..last);
         } else if round_middle {
             // Ghost planes are included: beyond a free-slip face they contain populations that are mirrored back.
-            wrap(&mut self.populations, -1..last + 2);
+            self.wrap(-1..last + 2);
         }
         self.step += 1;
         let threads = self.workers(&interior);
@@ -507,6 +507,13 @@ impl<S: Stored> Fluid<S> {
             surface.clear_gas_populations(&mut self.populations);
         }
         self.complete_velocities(unfollowed(planes, threads));
+    }
+
+    /// Copies populations across the middle axis in the planes of a range that cells with water have written to.
+    fn wrap(&mut self, planes: Range<isize>) {
+        let surface = self.surface.as_deref();
+        let written = |plane: &isize| surface.is_none_or(|surface| surface.writes_to(*plane));
+        wrap(&mut self.populations, planes.filter(written));
     }
 
     /// Closes openings at cells of the slab covered by bodies, after a step, so that no water enters a body.

@@ -163,7 +163,7 @@ fn plane_origin<S: Stored>(populations: &Populations<S>, plane: isize) -> usize 
 ///
 /// After an even pass ghosts are filled, after an odd pass they are delivered. Whole rows are copied with their
 /// ghosts, so that corners are correct.
-pub fn wrap<S: Stored>(populations: &mut Populations<S>, planes: std::ops::Range<isize>) {
+pub fn wrap<S: Stored>(populations: &mut Populations<S>, planes: impl Iterator<Item = isize>) {
     let [slow, middle, fast] = populations.order();
     let rows = populations.cells()[middle].cast_signed();
     let ghost = isize::from(fast < populations.velocities().dimension);

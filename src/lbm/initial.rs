@@ -25,6 +25,7 @@ impl<F: Fn([f64; 3]) -> (f64, [f64; 3]) + Sync> Field for F {
 }
 
 /// Returns the equilibrium deviation of one population.
+#[inline(always)]
 #[must_use]
 pub fn equilibrium(w: f64, c: [i8; 3], drho: f64, u: [f64; 3]) -> f64 {
     let rho = 1.0 + drho;

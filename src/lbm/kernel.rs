@@ -447,7 +447,11 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
             // Population 0 is stored at its cell, so that its position is that of the cell in other arrays too.
             let cell = shared.first[0] + start;
             // SAFETY: promised by the caller.
-            for &[begin, end] in unsafe { shared.spans(plane, row) } {
+            let spans = unsafe { shared.spans(plane, row) };
+            if spans.is_empty() {
+                continue;
+            }
+            for &[begin, end] in spans {
                 let (mut k, end) = (begin as usize, end as usize);
                 let mut at = shared.addresses::<L, Q>(start + k);
                 while k < end {

@@ -251,6 +251,11 @@ impl<S: Stored> Populations<S> {
         &self.velocities
     }
 
+    /// Returns the instruction set of the processor.
+    pub(crate) fn level(&self) -> Level {
+        self.level
+    }
+
     /// Returns the parity of the last pass.
     #[must_use]
     pub fn parity(&self) -> Parity {

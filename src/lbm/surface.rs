@@ -48,11 +48,13 @@
 //! | `kind` | kinds of cells |
 //! | `cells` | kind, mass and fill level of the cells of a slab |
 //! | `lists` | interface cells and wet parts of rows, by plane |
+//! | `batch` | interface cells that are computed together |
 //! | `ghosts` | state of the cells outside the slab |
 //! | `moments` | density, velocity and stress of a cell |
 //! | `momentum` | momentum of a step, for its balance |
 //! | `cut` | plane that intersects a cell |
 //! | `facet` | surface in an interface cell, and the traction on its links |
+//! | `facets` | facets of a batch of interface cells |
 //! | `bodies` | bodies that fill cells in part or completely |
 //! | `carrier` | part of a facet required by the links of other cells |
 //! | `carried` | cells whose centres lie outside the water |
@@ -63,6 +65,7 @@
 //! | `opening` | openings: inflow and outflow |
 //! | `tension` | surface tension with a contact angle |
 
+mod batch;
 pub(crate) mod bodies;
 mod carried;
 mod carrier;
@@ -71,6 +74,7 @@ mod conversion;
 mod cut;
 mod exchange;
 mod facet;
+mod facets;
 mod ghosts;
 mod jump;
 pub mod kind;
@@ -93,13 +97,15 @@ use super::lanes::Stored;
 use super::lattice::Velocities;
 use super::populations::Populations;
 use super::quanta::{from_quanta, quanta};
+use batch::Batch;
 use bodies::Bodies;
 use cells::Cells;
 use decomposition::{Communicator, Domain};
+use facet::Drive;
 use ghosts::Ghosts;
 use jump::{CapillaryJump, NoJump};
 use kind::{ENCLOSED, GAS, HELD, LIQUID, SOLID, STRAY, SURFACE, is_surface, is_wet};
-use lists::{Plane, live};
+use lists::Plane;
 use stencil::with_set;
 use tension::SlabTension;
 
@@ -113,6 +119,7 @@ pub type SavedCell = [f64; 3];
 pub struct SlabSurface {
     cells: Cells,
     planes: Vec<Plane>,
+    batches: Vec<Batch>,
     ghosts: Ghosts,
     work: conversion::Work,
     /// Cells and directions of links that a symmetry plane reflects into a solid: they bounce back.
@@ -154,6 +161,7 @@ impl SlabSurface {
         Ok(Self {
             cells: Cells::new(populations),
             planes: (0..planes).map(|_| Plane::default()).collect(),
+            batches: Vec::new(),
             ghosts,
             work: conversion::Work::default(),
             corners: Vec::new(),
@@ -223,8 +231,7 @@ impl SlabSurface {
             self.cells.kind[cell] = kind;
             self.cells.mass[cell] = mass;
         }
-        self.ghosts
-            .spread_kinds(&mut self.cells.kind, live(&self.planes));
+        self.spread_kinds();
         let open = |cells: &Cells, cell: usize| {
             cells.kind[cell] == LIQUID && cells.count_neighbours(cell, |kind| kind == GAS) > 0
         };
@@ -457,6 +464,15 @@ impl SlabSurface {
         &self.shore
     }
 
+    /// Returns `true` if the pass may write to a plane: it contains water, is next to a plane with water, or is at an
+    /// end of the slab.
+    pub(crate) fn writes_to(&self, plane: isize) -> bool {
+        let planes = usize::try_from(plane - 1)
+            .ok()
+            .and_then(|below| self.planes.get(below..below + 3));
+        planes.is_none_or(|planes| planes.iter().any(Plane::is_live))
+    }
+
     /// Returns the lists of the planes, for the pass.
     pub(crate) fn planes(&self) -> &[Plane] {
         &self.planes
@@ -477,17 +493,17 @@ impl SlabSurface {
             opening.remember(&self.cells, populations, half_force);
         }
         let (cells, planes) = (&mut self.cells, &mut self.planes[..]);
-        let drive = (half_force, viscosity);
-        let state = (&*cells, self.ghosts.around());
+        let batches = &mut self.batches[..];
         let Some(tension) = &mut self.tension else {
-            let without = (NoJump, 0.0);
+            let drive = &Drive::new(half_force, viscosity, 0.0);
+            let state = (&*cells, self.ghosts.around());
             with_set!(
                 populations,
-                exchange::prepare(state, planes, populations, drive, without)
+                exchange::prepare(state, batches, populations, drive, NoJump)
             );
             with_set!(
                 populations,
-                carried::set(cells, planes, populations, NoJump)
+                carried::set(cells, batches, populations, NoJump)
             );
             return;
         };
@@ -500,14 +516,16 @@ impl SlabSurface {
             populations,
             tension::press(&tension.levels, cells, planes, populations)
         );
-        let with = (CapillaryJump, tension.levels.density_of_waves());
+        batch::press(batches, planes);
+        let drive = &Drive::new(half_force, viscosity, tension.levels.density_of_waves());
+        let state = (&*cells, self.ghosts.around());
         with_set!(
             populations,
-            exchange::prepare(state, planes, populations, drive, with)
+            exchange::prepare(state, batches, populations, drive, CapillaryJump)
         );
         with_set!(
             populations,
-            carried::set(cells, planes, populations, CapillaryJump)
+            carried::set(cells, batches, populations, CapillaryJump)
         );
     }
 
@@ -528,11 +546,11 @@ impl SlabSurface {
         populations: &mut Populations<S>,
         left: Left<'_, S>,
     ) {
-        let (cells, planes) = (&self.cells, &self.planes);
-        let carrier = |cell: usize| carried::carrier(cells, planes, populations, cell);
+        let (cells, batches) = (&self.cells, &self.batches);
+        let carrier = |cell: usize| carried::carrier(cells, batches, cell);
         self.ghosts.exchange_carriers(carrier);
         self.add_state(populations, left, 1);
-        let slab = (&mut self.planes[..], &self.ghosts);
+        let slab = (&mut self.batches[..], &self.ghosts);
         let (cells, beyond) = (&mut self.cells, &mut self.beyond);
         if self.tension.is_some() {
             with_set!(
@@ -546,7 +564,7 @@ impl SlabSurface {
             );
         }
         self.add_state(populations, left, -1);
-        carried::clear(&mut self.cells, &self.planes);
+        carried::clear(&mut self.cells, &self.batches);
         self.fed.clear();
         for opening in &mut self.openings {
             opening.pass(&mut self.cells, populations, &mut self.fed);
@@ -559,22 +577,21 @@ impl SlabSurface {
         let shore = |cell: usize| exchange::shore(cells, populations, cell);
         self.ghosts.exchange_moments(false, shore);
         let (cells, around) = (&mut self.cells, self.ghosts.around());
-        let planes = &mut self.planes[..];
+        let batches = &mut self.batches[..];
         if self.tension.is_some() {
             with_set!(
                 populations,
-                exchange::exchange(cells, around, planes, populations, CapillaryJump)
+                exchange::exchange(cells, around, batches, populations, CapillaryJump)
             );
         } else {
             with_set!(
                 populations,
-                exchange::exchange(cells, around, planes, populations, NoJump)
+                exchange::exchange(cells, around, batches, populations, NoJump)
             );
         }
         self.work.forget_shares(&mut self.cells);
-        self.work.collect(&mut self.cells, &self.planes);
-        self.ghosts
-            .spread_kinds(&mut self.cells.kind, live(&self.planes));
+        self.work.collect(&mut self.cells, &self.batches);
+        self.spread_kinds();
         let kinds = &self.cells.kind;
         let of_surface = |cell: usize| {
             if is_surface(kinds[cell]) {
@@ -585,8 +602,7 @@ impl SlabSurface {
         };
         self.ghosts.exchange_moments(false, of_surface);
         self.work.resolve(&mut self.cells);
-        self.ghosts
-            .spread_kinds(&mut self.cells.kind, live(&self.planes));
+        self.spread_kinds();
         self.work.convert(
             &mut self.cells,
             &mut self.planes,
@@ -601,17 +617,25 @@ impl SlabSurface {
         }
     }
 
+    /// Fills the kinds of the ghost cells. Collective.
+    fn spread_kinds(&mut self) {
+        let bodies = self.cells.has_bodies();
+        self.ghosts
+            .spread_kinds(&mut self.cells.kind, &self.planes, bodies);
+    }
+
     /// Distributes excess mass. Collective.
     fn distribute_excess<S: Stored>(&mut self, populations: &Populations<S>) {
-        self.ghosts
-            .spread_kinds(&mut self.cells.kind, live(&self.planes));
+        self.spread_kinds();
         self.lost += self.work.distribute(&mut self.cells);
         let mut fill = std::mem::take(&mut self.cells.fill);
         let mut share = std::mem::take(&mut self.cells.share);
         let cells = &self.cells;
         let shore = |cell: usize| exchange::shore(cells, populations, cell);
         let values = [&mut fill[..], &mut share[..]];
-        self.ghosts.spread_values(&self.cells.kind, values, shore);
+        let everywhere = self.tension.is_some();
+        self.ghosts
+            .spread_values((&self.cells.kind, everywhere), values, shore);
         (self.cells.fill, self.cells.share) = (fill, share);
         self.work
             .mark_takers(&mut self.cells, &self.ghosts, populations);
@@ -620,17 +644,17 @@ impl SlabSurface {
     /// Distributes excess mass, and updates the ghost cells and the lists from the cells of the slab. Collective.
     fn settle<S: Stored>(&mut self, populations: &mut Populations<S>) {
         self.unsettled = false;
-        self.ghosts
-            .spread_kinds(&mut self.cells.kind, live(&self.planes));
+        self.spread_kinds();
         self.lost += self.work.distribute(&mut self.cells);
         self.list(populations);
-        let planes = &mut self.planes[..];
+        let batches = &mut self.batches[..];
         with_set!(
             populations,
-            exchange::classify(&self.cells, planes, populations)
+            exchange::classify(&self.cells, batches, populations)
         );
-        for plane in &self.planes {
-            for ((&cell, &kind), &fill) in plane.surface.iter().zip(&plane.kind).zip(&plane.fill) {
+        for batch in &self.batches {
+            let states = batch.kind.iter().zip(&batch.fill);
+            for (&cell, (&kind, &fill)) in batch.positions.cells().iter().zip(states) {
                 self.cells.kind[cell as usize] = kind;
                 self.cells.fill[cell as usize] = fill;
             }
@@ -643,11 +667,13 @@ impl SlabSurface {
         let [slow, middle, fast] = populations.order();
         let cells = populations.cells();
         let kinds = &mut self.cells;
+        let mut any = false;
         for (n, plane) in self.planes.iter_mut().enumerate() {
             let made = plane.is_made();
             if made && !plane.changed {
                 continue;
             }
+            any = true;
             let first = |row: usize| {
                 let mut at = [0; 3];
                 (at[slow], at[middle]) = (n, row);
@@ -663,6 +689,9 @@ impl SlabSurface {
                     }
                 }
             }
+        }
+        if any {
+            batch::divide(&mut self.batches, &self.planes);
         }
     }
 }

@@ -77,7 +77,11 @@ unsafe fn pass<L: Lattice<Q>, C: Collision, N: Lanes, const Q: usize>(
         for row in block.rows.clone() {
             let start = plane * shared.plane + row * shared.row;
             // SAFETY: promised by the caller.
-            for &[begin, end] in unsafe { shared.spans(plane, row) } {
+            let spans = unsafe { shared.spans(plane, row) };
+            if spans.is_empty() {
+                continue;
+            }
+            for &[begin, end] in spans {
                 let (mut k, end) = (begin as usize, end as usize);
                 let mut at = shared.addresses::<L, Q>(start + k);
                 while k < end {

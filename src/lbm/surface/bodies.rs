@@ -50,7 +50,6 @@ use super::cells::Cells;
 use super::conversion::{enter, leave};
 use super::ghosts::{Around, Ghosts};
 use super::kind::{GAS, HELD, LIQUID, SURFACE, is_surface, is_wet};
-use super::lists::live;
 use super::moments::moments;
 use super::{SlabSurface, directions};
 use crate::lanes::Stored;
@@ -474,13 +473,13 @@ impl SlabSurface {
             bodies.find_filled(&self.cells, &taken_away);
             self.fill_cells(populations, &mut bodies);
             self.ghosts
-                .spread_kinds(&mut self.cells.kind, live(&self.planes));
+                .spread_kinds(&mut self.cells.kind, &self.planes, true);
             self.open_cells(populations, &mut bodies);
             self.ghosts
-                .spread_kinds(&mut self.cells.kind, live(&self.planes));
+                .spread_kinds(&mut self.cells.kind, &self.planes, true);
             self.hold_cells(populations, cover, &mut bodies);
             self.ghosts
-                .spread_kinds(&mut self.cells.kind, live(&self.planes));
+                .spread_kinds(&mut self.cells.kind, &self.planes, true);
             if bodies.known {
                 bodies.push(&mut self.cells, populations, cover);
             } else {

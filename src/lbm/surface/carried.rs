@@ -5,69 +5,124 @@
 //! neighbours: before the pass it receives the velocity and the pressure extrapolated from the cell inside, and
 //! after the pass its links to other wet cells receive the traction between that cell and the surface.
 
+use super::batch::{Batch, MOST, each_part, find};
 use super::carrier::Carrier;
 use super::cells::Cells;
 use super::conversion::inside;
-use super::exchange::least;
 use super::ghosts::Ghosts;
-use super::jump::Jump;
+use super::jump::{Jump, pressed};
 use super::kind::{LIQUID, SOLID, is_surface};
-use super::lists::Plane;
 use super::stencil::{Numbers, Stencil};
 use crate::initial::equilibrium;
-use crate::lanes::Stored;
-use crate::lattice::{Lattice, unroll};
+use crate::lanes::{Stored, Work};
+use crate::lattice::Lattice;
 use crate::populations::Populations;
-use base::number::to_u32;
-use base::thread_pool;
 
 /// Sets the populations of the carried cells before a pass, and marks the cells.
 pub(super) fn set<L: Lattice<Q>, S: Stored, const Q: usize>(
     cells: &mut Cells,
-    planes: &mut [Plane],
+    batches: &mut [Batch],
     populations: &mut Populations<S>,
     jump: impl Jump,
 ) {
-    let least = least(planes);
-    let numbers = Numbers::new(populations);
-    let (numbers, stencil) = (&numbers, &Stencil::<L, Q>::new(populations));
-    thread_pool::each_item_in_runs(planes, least, |_, plane| {
-        for (n, (&cell, facet)) in plane.surface.iter().zip(&plane.facets).enumerate() {
-            if !facet.carried {
+    let level = populations.level();
+    let numbers = &Numbers::new(populations);
+    let stencil = &Stencil::<L, Q>::new(populations);
+    each_part(batches, |batches| {
+        level.run(Set {
+            batches,
+            numbers,
+            stencil,
+            jump,
+        });
+    });
+    mark(cells, batches, true);
+}
+
+/// Populations of the carried cells of batches.
+struct Set<'a, L, S, J, const Q: usize> {
+    batches: &'a [Batch],
+    numbers: &'a Numbers<S>,
+    stencil: &'a Stencil<L, Q>,
+    jump: J,
+}
+
+impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Work for Set<'_, L, S, J, Q> {
+    #[inline(always)]
+    fn run(self) {
+        let mut density = [0.0; MOST];
+        let mut g = [0.0; MOST];
+        for batch in self.batches {
+            let (count, facets) = (batch.positions.padded(), &batch.facets);
+            let carried = Carried::of(batch);
+            if carried.count == 0 {
                 continue;
             }
-            let density = plane.pressed(jump, n, facet.density());
-            unroll!(populations i < Q => {
-                let g = equilibrium(L::W[i], L::C[i], density, facet.given);
-                // SAFETY: the incoming numbers of a cell belong to it.
-                unsafe { numbers.write(stencil.incoming(cell as usize, i), g) };
-            });
-        }
-    });
-    for plane in planes {
-        for (&cell, facet) in plane.surface.iter().zip(&plane.facets) {
-            if facet.carried {
-                cells.carried[cell as usize] = true;
+            for k in 0..count {
+                density[k] = pressed(self.jump, batch.capillary[k], facets.at(k).density());
+            }
+            for i in 0..Q {
+                for k in 0..count {
+                    g[k] = equilibrium(L::W[i], L::C[i], density[k], facets.at(k).given);
+                }
+                for (k, cell) in carried.cells() {
+                    // SAFETY: the incoming numbers of a cell belong to it.
+                    unsafe { self.numbers.write(self.stencil.incoming(cell, i), g[k]) };
+                }
             }
         }
     }
 }
 
+/// Carried cells of a batch.
+struct Carried {
+    /// Index in the batch, and position.
+    all: [(u8, u32); MOST],
+    count: usize,
+}
+
+impl Carried {
+    /// Returns the carried cells.
+    #[inline(always)]
+    fn of(batch: &Batch) -> Self {
+        let mut found = Self {
+            all: [(0, 0); MOST],
+            count: 0,
+        };
+        for (k, &cell) in batch.positions.cells().iter().enumerate() {
+            found.all[found.count.min(MOST - 1)] = (k.to_le_bytes()[0], cell);
+            found.count += usize::from(batch.facets.carried[k]);
+        }
+        found
+    }
+
+    /// Returns index in the batch and position of each cell.
+    #[inline(always)]
+    fn cells(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        let all = self.all[..self.count.min(MOST)].iter();
+        all.map(|&(k, cell)| (usize::from(k) % MOST, cell as usize))
+    }
+}
+
+/// Marks the carried cells of batches, or clears the marks.
+fn mark(cells: &mut Cells, batches: &[Batch], carried: bool) {
+    for batch in batches {
+        for (&cell, _) in (batch.positions.cells().iter())
+            .zip(batch.facets.carried)
+            .filter(|(_, carried)| *carried)
+        {
+            cells.carried[cell as usize] = carried;
+        }
+    }
+}
+
 /// Returns the data for the links of a carried cell of the slab; `None` for other cells.
-pub(super) fn carrier<S: Stored>(
-    cells: &Cells,
-    planes: &[Plane],
-    populations: &Populations<S>,
-    cell: usize,
-) -> Option<Carrier> {
+pub(super) fn carrier(cells: &Cells, batches: &[Batch], cell: usize) -> Option<Carrier> {
     if !cells.carried[cell] {
         return None;
     }
-    let slow = populations.order()[0];
-    let plane = &planes[populations.coordinates(cell)[slow].unsigned_abs()];
-    let n = plane.surface.binary_search(&to_u32(cell)).ok()?;
-    let capillary = plane.capillary.get(n).copied();
-    Some(plane.facets[n].carrier(capillary.unwrap_or(0.0)))
+    let (batch, k) = find(batches, cell)?;
+    Some(batch.facets.at(k).carrier(batch.capillary[k]))
 }
 
 /// Sets the populations that return to wet cells from the carried cells of the slab and outside it.
@@ -75,7 +130,7 @@ pub(super) fn carrier<S: Stored>(
 /// `beyond` contains the carried ghost cells of the step.
 pub(super) fn link<L: Lattice<Q>, S: Stored, const Q: usize>(
     cells: &mut Cells,
-    (planes, ghosts): (&mut [Plane], &Ghosts),
+    (batches, ghosts): (&mut [Batch], &Ghosts),
     populations: &mut Populations<S>,
     beyond: &mut Vec<(usize, Carrier)>,
     jump: impl Jump,
@@ -83,7 +138,7 @@ pub(super) fn link<L: Lattice<Q>, S: Stored, const Q: usize>(
     beyond.clear();
     let surface = ghosts.live().map(|cell| cell as usize);
     for cell in surface.filter(|&cell| is_surface(cells.kind[cell])) {
-        let of_cell = |cell| carrier(cells, planes, populations, cell);
+        let of_cell = |cell| carrier(cells, batches, cell);
         if let Some(carrier) = ghosts.around().carrier(populations, cell, of_cell) {
             beyond.push((cell, carrier));
         }
@@ -91,43 +146,32 @@ pub(super) fn link<L: Lattice<Q>, S: Stored, const Q: usize>(
     for (cell, _) in beyond.iter() {
         cells.carried[*cell] = true;
     }
-    let takes = |kind: u8, cell: usize| kind == LIQUID || is_surface(kind) && !cells.carried[cell];
+    let known = &*cells;
+    let takes = |cell: usize| takes(known.kind[cell], known.carried[cell]);
     let parity = populations.parity();
-    let least = least(planes);
-    let numbers = Numbers::new(populations);
-    let (numbers, stencil) = (&numbers, &Stencil::<L, Q>::new(populations));
+    let level = populations.level();
+    let numbers = &Numbers::new(populations);
+    let stencil = &Stencil::<L, Q>::new(populations);
     let velocities = populations.velocities();
-    thread_pool::each_item_in_runs(planes, least, |_, plane| {
-        for (n, (&cell, facet)) in plane.surface.iter().zip(&plane.facets).enumerate() {
-            if !facet.carried {
-                continue;
-            }
-            let cell = cell as usize;
-            let carrier = facet.carrier(0.0);
-            let kinds = stencil.kinds(cells, cell);
-            for i in 1..Q {
-                if !takes(kinds[i], stencil.neighbour(cell, i)) {
-                    continue;
-                }
-                let even = plane.pressed(jump, n, carrier.even(Stencil::<L, Q>::C[i]));
-                let even = 2.0 * L::W[i] * even;
-                // SAFETY: both numbers of the link between this cell and one that is not carried.
-                unsafe {
-                    let sent = numbers.read(stencil.back(cell, i));
-                    numbers.write(stencil.out(cell, i), even - sent);
-                }
-            }
-        }
+    each_part(batches, |batches| {
+        level.run(Link {
+            batches,
+            cells: known,
+            numbers,
+            stencil,
+            jump,
+        });
     });
     for (ghost, carrier) in beyond.iter() {
         for i in inside(populations, *ghost) {
             let cell = cells.neighbour(*ghost, i);
             let back = velocities.opposite[i];
-            if cells.kind_along(cell, back) == SOLID || !takes(cells.kind[cell], cell) {
+            if cells.kind_along(cell, back) == SOLID || !takes(cell) {
                 continue;
             }
             let link = populations.link(cell, back);
-            let even = with_tension(jump, carrier, carrier.even(velocities.c[i].map(f64::from)));
+            let even = carrier.even(velocities.c[i].map(f64::from));
+            let even = pressed(jump, carrier.capillary, even);
             let even = 2.0 * velocities.w[i] * even;
             // SAFETY: both numbers of the link between a cell of the slab and a ghost cell; no other thread is
             // active.
@@ -142,22 +186,81 @@ pub(super) fn link<L: Lattice<Q>, S: Stored, const Q: usize>(
     }
 }
 
-/// Returns a density with that of the tension of a ghost cell.
-fn with_tension<J: Jump>(_: J, carrier: &Carrier, density: f64) -> f64 {
-    if J::ACTS {
-        density + carrier.capillary
-    } else {
-        density
+/// Returns `true` if a cell takes the population that returns from a carried cell.
+#[inline(always)]
+fn takes(kind: u8, carried: bool) -> bool {
+    kind == LIQUID || is_surface(kind) && !carried
+}
+
+/// Links of the carried cells of batches.
+struct Link<'a, L, S, J, const Q: usize> {
+    batches: &'a [Batch],
+    cells: &'a Cells,
+    numbers: &'a Numbers<S>,
+    stencil: &'a Stencil<L, Q>,
+    jump: J,
+}
+
+impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Work for Link<'_, L, S, J, Q> {
+    #[inline(always)]
+    fn run(self) {
+        let mut kinds = [[SOLID; MOST]; Q];
+        let mut twice = [0.0; MOST];
+        // Parts of the carriers that contain divisions.
+        let mut slope = [0.0; MOST];
+        let mut traction = [[0.0; MOST]; 3];
+        let stencil = self.stencil;
+        for (n, batch) in self.batches.iter().enumerate() {
+            if let Some(next) = self.batches.get(n + 1)
+                && next.facets.carried.contains(&true)
+            {
+                next.prefetch_links(self.numbers, stencil);
+            }
+            let (positions, facets) = (&batch.positions, &batch.facets);
+            let carried = Carried::of(batch);
+            if carried.count == 0 {
+                continue;
+            }
+            positions.kinds(self.cells, stencil, &mut kinds);
+            for k in 0..positions.padded() {
+                let carrier = facets.at(k).carrier(0.0);
+                slope[k] = carrier.slope;
+                for (to, part) in traction.iter_mut().zip(carrier.traction) {
+                    to[k] = part;
+                }
+            }
+            for i in 1..Q {
+                let c = Stencil::<L, Q>::C[i];
+                for k in 0..positions.padded() {
+                    let facet = facets.at(k);
+                    let carrier = Carrier {
+                        normal: facet.normal,
+                        distance: facet.distance,
+                        slope: slope[k],
+                        traction: [traction[0][k], traction[1][k], traction[2][k]],
+                        velocity: facet.velocity,
+                        capillary: 0.0,
+                    };
+                    let even = pressed(self.jump, batch.capillary[k], carrier.even(c));
+                    twice[k] = 2.0 * L::W[i] * even;
+                }
+                for (k, cell) in carried.cells() {
+                    let next = stencil.neighbour(cell, i);
+                    if !takes(kinds[i][k], self.cells.carried[next]) {
+                        continue;
+                    }
+                    // SAFETY: both numbers of the link between this cell and one that is not carried.
+                    unsafe {
+                        let sent = self.numbers.read(stencil.back(cell, i));
+                        self.numbers.write(stencil.out(cell, i), twice[k] - sent);
+                    }
+                }
+            }
+        }
     }
 }
 
 /// Clears the marks of the carried cells.
-pub(super) fn clear(cells: &mut Cells, planes: &[Plane]) {
-    for plane in planes {
-        for (&cell, facet) in plane.surface.iter().zip(&plane.facets) {
-            if facet.carried {
-                cells.carried[cell as usize] = false;
-            }
-        }
-    }
+pub(super) fn clear(cells: &mut Cells, batches: &[Batch]) {
+    mark(cells, batches, false);
 }

@@ -112,6 +112,12 @@ impl Cells {
         }
     }
 
+    /// Returns `true` if bodies are known.
+    #[inline(always)]
+    pub(super) fn has_bodies(&self) -> bool {
+        !self.solid.is_empty()
+    }
+
     /// Returns `true` if a body fills part of a cell or of an adjacent cell.
     pub(super) fn meets_body(&self, cell: usize) -> bool {
         !self.solid.is_empty()
@@ -145,6 +151,12 @@ impl Cells {
             return SOLID;
         }
         self.kind[self.neighbour(cell, i)]
+    }
+
+    /// Returns `true` if links or openings are marked in any cell.
+    #[inline(always)]
+    pub(super) fn has_closed(&self) -> bool {
+        !self.closed.is_empty()
     }
 
     /// Returns the bits of the closed directions of a cell: see [`Self::close`] and [`Self::feed`].

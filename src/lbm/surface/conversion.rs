@@ -5,6 +5,7 @@
 //! have liquid neighbours: its liquid neighbours become interface cells with their present mass. If both are
 //! adjacent, the cell that would empty remains an interface cell.
 
+use super::batch::Batch;
 use super::cells::Cells;
 use super::ghosts::{Around, Ghosts};
 use super::kind::{EMPTIES, ENTERED, FILLS, GAS, LIQUID, SOLID, SURFACE, is_surface};
@@ -91,7 +92,7 @@ impl Work {
                 mark(cells.neighbour(cell as usize, i), cells);
             }
         }
-        for ghost in ghosts.live() {
+        for ghost in ghosts.changed(!self.shared.is_empty()) {
             let ghost = ghost as usize;
             if cells.share[ghost] != 0.0 {
                 for i in inside(populations, ghost) {
@@ -102,13 +103,13 @@ impl Work {
     }
 
     /// Sets the kinds found by the lists, and records the cells that change.
-    pub(super) fn collect(&mut self, cells: &mut Cells, planes: &[Plane]) {
+    pub(super) fn collect(&mut self, cells: &mut Cells, batches: &[Batch]) {
         self.fills.clear();
         self.empties.clear();
         self.entered.clear();
         self.born.clear();
-        for plane in planes {
-            for (&cell, &kind) in plane.surface.iter().zip(&plane.kind) {
+        for batch in batches {
+            for (&cell, &kind) in batch.positions.cells().iter().zip(&batch.kind) {
                 cells.kind[cell as usize] = kind;
                 match kind {
                     FILLS => self.fills.push(cell),
@@ -147,7 +148,7 @@ impl Work {
             let at = populations.coordinates(cell as usize);
             planes[at[slow].unsigned_abs()].changed = true;
         };
-        let beyond = ghosts.live();
+        let beyond = ghosts.changed(!(self.fills.is_empty() && self.empties.is_empty()));
         let beyond = beyond.filter(|&cell| matches!(cells.kind[cell as usize], FILLS | EMPTIES));
         let sources: Vec<u32> = if self.fills.is_empty() && self.empties.is_empty() {
             beyond.collect()

@@ -8,15 +8,17 @@
 //! interface cells only one of the two terms counts, so that stray cells empty and enclosed cells fill (N. Thürey,
 //! Physically based animation of free surface flows with the lattice Boltzmann method, Erlangen 2007, table 4.1).
 
+use super::batch::{Batch, Kinds, MOST, Positions, Values, each_part};
 use super::cells::Cells;
-use super::facet::{Facet, find};
+use super::facet::{Drive, bounded};
+use super::facets::{Find, Inner};
 use super::ghosts::Around;
-use super::jump::Jump;
+use super::jump::{Jump, pressed};
 use super::kind::{EMPTIES, ENCLOSED, FILLS, GAS, HELD, LIQUID, SOLID, STRAY, SURFACE, is_surface};
 use super::lists::Plane;
 use super::moments::{Moments, moments};
-use super::stencil::{Numbers, Stencil};
-use crate::lanes::Stored;
+use super::stencil::{Numbers, Stencil, density};
+use crate::lanes::{Stored, Work};
 use crate::lattice::Lattice;
 use crate::populations::Populations;
 use base::thread_pool;
@@ -42,24 +44,28 @@ pub(super) fn least(planes: &[Plane]) -> usize {
     planes.len().div_ceil(threads).max(1)
 }
 
-/// Computes the surface in each interface cell from the state before the pass; `of_waves` is the density of the
-/// smallest capillary waves.
+/// Computes the surface in each interface cell from the state before the pass.
 pub(super) fn prepare<L: Lattice<Q>, S: Stored, const Q: usize>(
     (cells, around): (&Cells, &Around),
-    planes: &mut [Plane],
+    batches: &mut [Batch],
     populations: &Populations<S>,
-    drive: ([f64; 3], f64),
-    (jump, of_waves): (impl Jump, f64),
+    drive: &Drive,
+    jump: impl Jump,
 ) {
-    let least = least(planes);
-    let stencil = Stencil::<L, Q>::new(populations);
-    let state = (populations, &Numbers::to_read(populations), &stencil);
-    thread_pool::each_item_in_runs(planes, least, |_, plane| {
-        for n in 0..plane.surface.len() {
-            let cell = plane.surface[n] as usize;
-            let tension = (jump, [plane.pressed(jump, n, 0.0), of_waves]);
-            plane.facets[n] = find((cells, around), state, drive, cell, tension);
-        }
+    let stencil = &Stencil::<L, Q>::new(populations);
+    let numbers = &Numbers::to_read(populations);
+    let level = populations.level();
+    each_part(batches, |batches| {
+        level.run(Find {
+            batches,
+            cells,
+            around,
+            populations,
+            numbers,
+            stencil,
+            drive,
+            jump,
+        });
     });
 }
 
@@ -111,117 +117,302 @@ pub(super) fn bounce<S: Stored>(links: &[(u32, u8)], populations: &mut Populatio
 #[inline(always)]
 fn between(kinds: [u8; 2], mean: f64, sent: f64, came: f64) -> f64 {
     let [own, other] = kinds;
-    let gain = if own == other {
-        came - sent
-    } else if own == STRAY || other == ENCLOSED {
+    let gives = if (own == STRAY) | (other == ENCLOSED) {
         -sent
     } else {
         came
     };
-    mean * gain
-}
-
-/// Returns the density of the normal part of the traction inside in the middle of the step: the mean of both ends,
-/// because a density that lags behind feeds sound.
-///
-/// # Safety
-/// No other thread writes the incoming numbers of liquid cells.
-#[inline(always)]
-unsafe fn inside<L: Lattice<Q>, S: Stored, const Q: usize>(
-    facet: &Facet,
-    cell: usize,
-    around: &Around,
-    (populations, numbers, stencil): (&Populations<S>, &Numbers<S>, &Stencil<L, Q>),
-) -> f64 {
-    if facet.inward == 0 {
-        return facet.inside;
-    }
-    let of_cell = |cell: usize| {
-        let mut moments = [0.0; 10];
-        // SAFETY: promised by the caller.
-        moments[0] = unsafe { stencil.density(numbers, cell) };
-        moments
-    };
-    let link = (cell, usize::from(facet.inward));
-    let [now, ..] = around.moments_along(populations, link, of_cell);
-    facet.inside + 0.5 * (now - facet.density_inside)
+    mean * if own == other { came - sent } else { gives }
 }
 
 /// Exchanges mass and reconstructs populations; writes the new fill level and kind of each interface cell to its
-/// list.
+/// batch.
 pub(super) fn exchange<L: Lattice<Q>, S: Stored, const Q: usize>(
     cells: &mut Cells,
     around: &Around,
-    planes: &mut [Plane],
+    batches: &mut [Batch],
     populations: &mut Populations<S>,
     jump: impl Jump,
 ) {
     let mut mass = std::mem::take(&mut cells.mass);
-    let masses = Numbers::from_list(&mut mass);
-    let masses = &masses;
-    let numbers = Numbers::new(populations);
-    let (numbers, populations) = (&numbers, &*populations);
+    let masses = &Numbers::from_list(&mut mass);
+    let numbers = &Numbers::new(populations);
+    let populations = &*populations;
     let stencil = &Stencil::<L, Q>::new(populations);
+    let level = populations.level();
     let known = &*cells;
-    let least = least(planes);
-    thread_pool::each_item_in_runs(planes, least, |_, plane| {
-        for n in 0..plane.surface.len() {
-            stencil.prefetch(numbers, &plane.surface, n);
-            let cell = plane.surface[n] as usize;
-            let facet = &plane.facets[n];
-            // SAFETY: threads write numbers of links to gas only.
-            let inside = unsafe { inside(facet, cell, around, (populations, numbers, stencil)) };
-            let own = known.kind[cell];
-            let level = known.content(cell);
-            let mut gain = 0.0;
-            let (mut alone, mut gas, mut liquid) = (true, false, known.is_fed(cell));
-            let kinds = stencil.kinds(known, cell);
-            for i in 1..Q {
-                let kind = kinds[i];
-                if kind == SOLID {
-                    continue;
-                }
-                let (out, incoming) = (stencil.out(cell, i), stencil.back(cell, i));
-                // SAFETY: both numbers of a link to gas are this cell's; those of other links are only read.
-                let sent = unsafe { numbers.read(out) };
-                let w = L::W[i];
-                if kind == GAS {
-                    gas = true;
-                    let even = facet.even(Stencil::<L, Q>::C[i], inside);
-                    let even = plane.pressed(jump, n, even);
-                    let back = 2.0 * w * even - sent;
-                    // SAFETY: as above.
-                    unsafe {
-                        numbers.write(incoming, back);
-                        numbers.write(out, 0.0);
-                    }
-                    continue;
-                }
-                // SAFETY: as above.
-                let came = unsafe { numbers.read(incoming) };
-                if kind == LIQUID || kind == HELD {
-                    liquid |= kind == LIQUID;
-                    gain += came - sent;
-                } else {
-                    alone = false;
-                    let other = known.content(stencil.neighbour(cell, i));
-                    gain += between([own, kind], 0.5 * (level + other), sent + w, came + w);
-                }
-            }
-            if known.takes[cell] {
-                gain += known.shares_taken(cell);
-            }
-            // SAFETY: the mass and the incoming numbers of this cell.
-            let (mass, density) = unsafe {
-                let mass = masses.read(cell) + gain;
-                masses.write(cell, mass);
-                (mass, 1.0 + stencil.density(numbers, cell))
-            };
-            plane.fill[n] = known.fill_from(cell, mass, density);
-            plane.kind[n] = turned((known, cell), (mass, density), [alone, gas, liquid]);
-        }
+    each_part(batches, |batches| {
+        level.run(Exchange {
+            batches,
+            cells: known,
+            around,
+            populations,
+            numbers,
+            masses,
+            stencil,
+            jump,
+        });
     });
     cells.mass = mass;
+}
+
+/// Exchange of batches.
+struct Exchange<'a, L, S: Stored, J, const Q: usize> {
+    batches: &'a mut [Batch],
+    cells: &'a Cells,
+    around: &'a Around,
+    populations: &'a Populations<S>,
+    numbers: &'a Numbers<S>,
+    masses: &'a Numbers<f64>,
+    stencil: &'a Stencil<L, Q>,
+    jump: J,
+}
+
+/// Bits of the kinds of the neighbours of a cell: interface cells, gas and liquid.
+const NEXT_TO: [u8; 3] = [1, 2, 4];
+
+/// Returns the bits of the kind of a neighbour.
+#[inline(always)]
+fn bits(kind: u8) -> u8 {
+    let [surface, gas, liquid] = NEXT_TO;
+    let of = |bit: u8, holds: bool| if holds { bit } else { 0 };
+    of(surface, (kind >= SURFACE) & (kind < HELD))
+        | of(gas, kind == GAS)
+        | of(liquid, kind == LIQUID)
+}
+
+/// Buffers of a thread.
+struct Buffers<const Q: usize> {
+    kinds: Kinds<Q>,
+    own: [u8; MOST],
+    /// Fractions that are not gas, of the cells and of their neighbours.
+    level: Values,
+    other: Values,
+    /// Density of the normal part of the traction inside.
+    inside: Values,
+    /// Populations that have left along each direction, and those that came back.
+    sent: Values,
+    came: [Values; Q],
+    gain: Values,
+    next_to: [u8; MOST],
+    density: Values,
+}
+
+impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Work for Exchange<'_, L, S, J, Q> {
+    #[inline(always)]
+    fn run(mut self) {
+        let mut buffers = Buffers {
+            kinds: [[SOLID; MOST]; Q],
+            own: [SOLID; MOST],
+            level: [0.0; MOST],
+            other: [0.0; MOST],
+            inside: [0.0; MOST],
+            sent: [0.0; MOST],
+            came: [[0.0; MOST]; Q],
+            gain: [0.0; MOST],
+            next_to: [0; MOST],
+            density: [0.0; MOST],
+        };
+        for n in 0..self.batches.len() {
+            if let Some(next) = self.batches.get(n + 1) {
+                next.prefetch_inside(self.numbers, self.stencil);
+                next.prefetch_links(self.numbers, self.stencil);
+            }
+            let batch = &self.batches[n];
+            self.look_inside(batch, &mut buffers);
+            let positions = &batch.positions;
+            positions.kinds(self.cells, self.stencil, &mut buffers.kinds);
+            self.levels(positions, 0, &mut buffers.level);
+            for (own, &cell) in buffers.own.iter_mut().zip(positions.cells()) {
+                *own = self.cells.kind[cell as usize];
+            }
+            buffers.gain = [0.0; MOST];
+            buffers.next_to = [0; MOST];
+            // SAFETY: the numbers of the links of an interface cell; other threads write those of links to gas only.
+            unsafe {
+                positions.numbers(
+                    self.numbers,
+                    self.stencil.incoming(0, 0),
+                    &mut buffers.came[0],
+                )
+            };
+            for i in 1..Q {
+                self.link(batch, i, &mut buffers);
+            }
+            for k in 0..positions.padded() {
+                let came = &buffers.came;
+                buffers.density[k] = 1.0 + density::<Q>(|i| came[L::OPPOSITE[i]][k]);
+            }
+            self.settle(n, &buffers);
+        }
+    }
+}
+
+impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Exchange<'_, L, S, J, Q> {
+    /// Computes the density of the normal part of the traction inside in the middle of the step.
+    #[inline(always)]
+    fn look_inside(&self, batch: &Batch, to: &mut Buffers<Q>) {
+        let facets = &batch.facets;
+        let positions = &batch.positions;
+        let inner = Inner::of((positions, &facets.inward), self.stencil, self.around);
+        // SAFETY: no thread writes the incoming numbers of liquid cells.
+        unsafe {
+            inner
+                .positions
+                .incoming(self.numbers, self.stencil, &mut to.came)
+        };
+        for k in 0..positions.padded() {
+            to.inside[k] = facets.at(k).in_middle(density::<Q>(|i| to.came[i][k]));
+        }
+        if !inner.beyond {
+            return;
+        }
+        let of_cell = |cell: usize| {
+            let mut moments = [0.0; 10];
+            // SAFETY: as above.
+            moments[0] = unsafe { self.stencil.density(self.numbers, cell) };
+            moments
+        };
+        for (k, &cell) in positions.cells().iter().enumerate() {
+            let link = (cell as usize, usize::from(facets.inward[k]));
+            if self.around.holds(self.stencil.neighbour(link.0, link.1)) {
+                let [now, ..] = self.around.moments_along(self.populations, link, of_cell);
+                to.inside[k] = facets.at(k).in_middle(now);
+            }
+        }
+    }
+
+    /// Computes the fractions of the neighbours at a distance that are not gas.
+    #[inline(always)]
+    fn levels(&self, positions: &Positions, distance: usize, to: &mut Values) {
+        positions.values(&self.cells.fill, distance, to);
+        for level in &mut to[..positions.padded()] {
+            *level = bounded(*level, 0.0, 1.0);
+        }
+        if self.cells.has_bodies() {
+            for (level, &cell) in to.iter_mut().zip(positions.cells()) {
+                *level = self.cells.content((cell as usize).wrapping_add(distance));
+            }
+        }
+    }
+
+    /// Exchanges mass and populations along a direction.
+    #[inline(always)]
+    fn link(&self, batch: &Batch, i: usize, buffers: &mut Buffers<Q>) {
+        let Buffers {
+            kinds,
+            own,
+            level,
+            other,
+            inside,
+            sent,
+            came,
+            gain,
+            next_to,
+            ..
+        } = buffers;
+        let (positions, stencil) = (&batch.positions, self.stencil);
+        let count = positions.padded();
+        let (kinds, came) = (&kinds[i], &mut came[i]);
+        let mut any = 0;
+        for k in 0..count {
+            let bits = bits(kinds[k]);
+            next_to[k] |= bits;
+            any |= bits;
+        }
+        let [surface, gas, _] = NEXT_TO;
+        // SAFETY: the numbers of the links of an interface cell; other threads write those of links to gas only.
+        unsafe {
+            positions.numbers(self.numbers, stencil.out(0, i), sent);
+            positions.numbers(self.numbers, stencil.back(0, i), came);
+        }
+        let w = L::W[i];
+        if any & gas != 0 {
+            self.reflect(batch, i, (kinds, &*inside, &*sent, &mut *came));
+        }
+        if any & surface == 0 {
+            for k in 0..count {
+                let full = (kinds[k] == LIQUID) | (kinds[k] == HELD);
+                gain[k] += if full { came[k] - sent[k] } else { 0.0 };
+            }
+            return;
+        }
+        self.levels(positions, stencil.neighbour(0, i), other);
+        for k in 0..count {
+            let full = (kinds[k] == LIQUID) | (kinds[k] == HELD);
+            let shared = (kinds[k] >= SURFACE) & (kinds[k] < HELD);
+            let mean = 0.5 * (level[k] + other[k]);
+            let part = between([own[k], kinds[k]], mean, sent[k] + w, came[k] + w);
+            let part = if shared { part } else { 0.0 };
+            gain[k] += if full { came[k] - sent[k] } else { part };
+        }
+    }
+
+    /// Sets the populations that come back from gas along a direction.
+    #[inline(always)]
+    fn reflect(
+        &self,
+        batch: &Batch,
+        i: usize,
+        (kinds, inside, sent, came): (&[u8; MOST], &Values, &Values, &mut Values),
+    ) {
+        let c = Stencil::<L, Q>::C[i];
+        let w = L::W[i];
+        let count = batch.positions.padded();
+        let mut back = [0.0; MOST];
+        for k in 0..count {
+            let even = batch.facets.at(k).even(c, inside[k]);
+            let even = pressed(self.jump, batch.capillary[k], even);
+            back[k] = S::from_f64(2.0 * w * even - sent[k]).to_f64();
+        }
+        for k in 0..count {
+            came[k] = if kinds[k] == GAS { back[k] } else { came[k] };
+        }
+        for (k, &cell) in batch.positions.cells().iter().enumerate() {
+            if kinds[k] == GAS {
+                let cell = cell as usize;
+                // SAFETY: both numbers of a link to gas are this cell's.
+                unsafe {
+                    self.numbers.write(self.stencil.back(cell, i), came[k]);
+                    self.numbers.write(self.stencil.out(cell, i), 0.0);
+                }
+            }
+        }
+    }
+
+    /// Computes mass, fill level and kind of the cells of a batch.
+    #[inline(always)]
+    fn settle(&mut self, n: usize, buffers: &Buffers<Q>) {
+        let Batch {
+            positions,
+            fill,
+            kind,
+            ..
+        } = &mut self.batches[n];
+        let [surface, gas, liquid] = NEXT_TO;
+        for (k, &cell) in positions.cells().iter().enumerate() {
+            let cell = cell as usize;
+            let mut gain = buffers.gain[k];
+            if self.cells.takes[cell] {
+                gain += self.cells.shares_taken(cell);
+            }
+            // SAFETY: the mass of this cell.
+            let mass = unsafe {
+                let mass = self.masses.read(cell) + gain;
+                self.masses.write(cell, mass);
+                mass
+            };
+            let density = buffers.density[k];
+            let next_to = buffers.next_to[k];
+            let around = [
+                next_to & surface == 0,
+                next_to & gas != 0,
+                next_to & liquid != 0 || self.cells.is_fed(cell),
+            ];
+            fill[k] = self.cells.fill_from(cell, mass, density);
+            kind[k] = turned((self.cells, cell), (mass, density), around);
+        }
+    }
 }
 
 /// Returns the kind of an interface cell after the exchange; `alone` without other interface cells next to it.
@@ -251,33 +442,68 @@ fn turned(
     }
 }
 
-/// Computes the fill level and the kinds of the neighbours of each interface cell in the lists.
+/// Computes the fill level and the kinds of the neighbours of each interface cell.
 pub(super) fn classify<L: Lattice<Q>, S: Stored, const Q: usize>(
     cells: &Cells,
-    planes: &mut [Plane],
+    batches: &mut [Batch],
     populations: &Populations<S>,
 ) {
-    let least = least(planes);
     let stencil = &Stencil::<L, Q>::new(populations);
     let numbers = &Numbers::to_read(populations);
-    thread_pool::each_item_in_runs(planes, least, |_, plane| {
-        for n in 0..plane.surface.len() {
-            let cell = plane.surface[n] as usize;
-            let (mut gas, mut liquid) = (false, cells.is_fed(cell));
-            for kind in stencil.kinds(cells, cell) {
-                gas |= kind == GAS;
-                liquid |= kind == LIQUID;
-            }
-            // SAFETY: an interface cell of the slab, whose numbers are only read.
-            let density = 1.0 + unsafe { stencil.density(numbers, cell) };
-            let fill = cells.fill_from(cell, cells.mass[cell], density);
-            plane.fill[n] = fill;
-            plane.kind[n] = match (gas, liquid) {
-                (false, _) if fill <= 1.0 - NEARLY => ENCLOSED,
-                (true, false) if fill >= NEARLY => STRAY,
-                _ => SURFACE,
-            };
-            debug_assert!(is_surface(cells.kind[cell]));
-        }
+    let level = populations.level();
+    each_part(batches, |batches| {
+        level.run(Classify {
+            batches,
+            cells,
+            numbers,
+            stencil,
+        });
     });
+}
+
+/// Classification of the cells of batches.
+struct Classify<'a, L, S, const Q: usize> {
+    batches: &'a mut [Batch],
+    cells: &'a Cells,
+    numbers: &'a Numbers<S>,
+    stencil: &'a Stencil<L, Q>,
+}
+
+impl<L: Lattice<Q>, S: Stored, const Q: usize> Work for Classify<'_, L, S, Q> {
+    #[inline(always)]
+    fn run(self) {
+        let mut kinds = [[SOLID; MOST]; Q];
+        let mut incoming = [[0.0; MOST]; Q];
+        let mut densities = [0.0; MOST];
+        let [_, gas, liquid] = NEXT_TO;
+        for batch in self.batches {
+            let positions = &batch.positions;
+            positions.kinds(self.cells, self.stencil, &mut kinds);
+            let mut next_to = [0; MOST];
+            for kinds in &kinds {
+                for (next_to, &kind) in next_to.iter_mut().zip(kinds) {
+                    *next_to |= bits(kind);
+                }
+            }
+            // SAFETY: interface cells of the slab, whose numbers are only read.
+            unsafe { positions.incoming(self.numbers, self.stencil, &mut incoming) };
+            for k in 0..positions.padded() {
+                densities[k] = 1.0 + density::<Q>(|i| incoming[i][k]);
+            }
+            for (k, &cell) in positions.cells().iter().enumerate() {
+                let cell = cell as usize;
+                let liquid = next_to[k] & liquid != 0 || self.cells.is_fed(cell);
+                let fill = self
+                    .cells
+                    .fill_from(cell, self.cells.mass[cell], densities[k]);
+                batch.fill[k] = fill;
+                batch.kind[k] = match (next_to[k] & gas != 0, liquid) {
+                    (false, _) if fill <= 1.0 - NEARLY => ENCLOSED,
+                    (true, false) if fill >= NEARLY => STRAY,
+                    _ => SURFACE,
+                };
+                debug_assert!(is_surface(self.cells.kind[cell]));
+            }
+        }
+    }
 }

@@ -19,15 +19,11 @@
 
 use super::carrier::{Carrier, dot, inertia};
 use super::cells::Cells;
-use super::cut;
-use super::ghosts::Around;
 use super::jump::Jump;
-use super::kind::{HELD, LIQUID, SOLID};
+use super::kind::{HELD, SOLID};
 use super::moments::{Moments, across};
-use super::stencil::{Numbers, Stencil};
-use crate::lanes::Stored;
+use super::stencil::Stencil;
 use crate::lattice::{Lattice, unroll};
-use crate::populations::Populations;
 
 /// Maximum ratio for the extrapolation of the traction inside beyond the surface: above it sound grows.
 const MAX_RATIO: f64 = 0.5;
@@ -38,10 +34,6 @@ const MAX_ACCELERATION: f64 = 1.0;
 /// Largest wave number of a capillary wave in the pressure bound.
 const MAX_WAVE_NUMBER: f64 = 0.5;
 
-/// Minimum component against the normal, relative to its length, of a link from an interface cell to the liquid
-/// cell inside.
-const INWARD: f64 = 0.7;
-
 /// Minimum distance of the surface from the liquid cell inside for the extrapolation of the traction.
 const MIN_REACH: f64 = 0.25;
 
@@ -50,7 +42,7 @@ const SMOOTH: f64 = 3e-3;
 
 /// Surface in an interface cell at the middle of a step.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Facet {
+pub(super) struct Facet {
     /// Velocity of the water.
     pub(super) velocity: [f64; 3],
     /// Normal towards the gas.
@@ -58,23 +50,31 @@ pub(crate) struct Facet {
     /// Distance of the surface from the centre of the cell along the normal.
     pub(super) distance: f64,
     /// Gradient of the density along the normal in water at rest.
-    at_rest: f64,
+    pub(super) at_rest: f64,
     /// Maximum density of the dynamic part inside.
-    most: f64,
-    /// Direction to the liquid cell closest to the inward normal; 0 without one.
-    pub(super) inward: u8,
+    pub(super) most: f64,
+    /// 1 with a liquid cell close to the inward normal, else 0: a number like the others, so that loops over cells are
+    /// vectorised.
+    pub(super) has_inside: f64,
     /// Density of the normal part of the traction in that liquid cell, less that of the tension.
     pub(super) inside: f64,
     /// Density in that liquid cell.
     pub(super) density_inside: f64,
     /// Tangential part of the traction in that liquid cell.
-    traction: [f64; 3],
+    pub(super) traction: [f64; 3],
     /// Distance between the centres of that liquid cell and the interface cell, along the inward normal.
-    inner: f64,
-    /// `true` for a cell whose centre lies outside the water in a smooth flow: the liquid cell inside carries it.
-    pub(super) carried: bool,
+    pub(super) inner: f64,
+    /// 1 for a cell whose centre lies outside the water in a smooth flow: the liquid cell inside carries it; else 0.
+    pub(super) is_carried: f64,
     /// Velocity of a carried cell, without the force.
     pub(super) given: [f64; 3],
+}
+
+/// Returns a number between bounds, without the check of the bounds.
+#[inline(always)]
+pub(super) fn bounded(x: f64, least: f64, most: f64) -> f64 {
+    let x = if x < least { least } else { x };
+    if x > most { most } else { x }
 }
 
 impl Facet {
@@ -83,7 +83,14 @@ impl Facet {
     #[inline(always)]
     fn excess(&self, inside: f64) -> f64 {
         let excess = inside + (self.distance + self.inner) * self.at_rest;
-        excess.clamp(-self.most, self.most)
+        bounded(excess, -self.most, self.most)
+    }
+
+    /// Returns the density of the normal part of the traction inside in the middle of the step, for the density in the
+    /// liquid cell inside at its end: the mean of both ends, because a density that lags behind feeds sound.
+    #[inline(always)]
+    pub(super) fn in_middle(&self, now: f64) -> f64 {
+        self.inside + 0.5 * (now - self.density_inside)
     }
 
     /// Returns f⁺/w_i at the midpoint of a link to gas along `c`, for a density of the normal part of the traction
@@ -92,32 +99,40 @@ impl Facet {
     /// The dynamic part is bounded by the pressure of an acceleration, because sound of impacts grows at low viscosity.
     #[inline(always)]
     pub(super) fn even(&self, c: [f64; 3], inside: f64) -> f64 {
-        if self.inward == 0 {
-            return inertia(c, 0.0, self.velocity);
-        }
         let up = dot(c, self.normal);
         let beyond = 0.5 * up - self.distance;
         let reach = (self.inner + self.distance).max(MIN_REACH);
-        let ratio = (beyond / reach).clamp(-MAX_RATIO, MAX_RATIO);
+        let ratio = bounded(beyond / reach, -MAX_RATIO, MAX_RATIO);
         let density = beyond * self.at_rest - ratio * self.excess(inside);
         let shear = 9.0 * ratio * up * dot(c, self.traction);
-        density + inertia(c, density, self.velocity) - shear
+        let even = density + inertia(c, density, self.velocity) - shear;
+        if self.has_inside > 0.0 {
+            even
+        } else {
+            inertia(c, 0.0, self.velocity)
+        }
     }
 
     /// Returns the data of a carried cell for the links of its neighbours, with the density of the tension.
+    #[inline(always)]
     pub(super) fn carrier(&self, capillary: f64) -> Carrier {
         let reach = self.inner + self.distance;
         Carrier {
             normal: self.normal,
             distance: self.distance,
             slope: self.at_rest - self.excess(self.inside) / reach,
-            traction: self.traction.map(|t| t / reach),
+            traction: [
+                self.traction[0] / reach,
+                self.traction[1] / reach,
+                self.traction[2] / reach,
+            ],
             velocity: self.velocity,
             capillary,
         }
     }
 
     /// Returns the density of a carried cell at its centre, without that of the tension.
+    #[inline(always)]
     pub(super) fn density(&self) -> f64 {
         -self.distance * self.carrier(0.0).slope
     }
@@ -152,97 +167,119 @@ pub(super) fn normal<L: Lattice<Q>, const Q: usize>(
     (length > 0.0).then(|| normal.map(|n| n / length))
 }
 
-/// Returns the direction to the liquid neighbour closest to the inward normal; 0 if none is close enough.
-#[inline(always)]
-fn inward<L: Lattice<Q>, const Q: usize>(kinds: &[u8; Q], normal: [f64; 3]) -> usize {
-    let mut best = (INWARD, 0);
-    for i in 1..Q {
-        if kinds[i] == LIQUID {
-            let down = -dot(Stencil::<L, Q>::C[i], normal) / Stencil::<L, Q>::LENGTHS[i];
-            if down > best.0 {
-                best = (down, i);
-            }
+/// Conditions of the water for its facets.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Drive {
+    /// Half of the body force.
+    pub(super) half_force: [f64; 3],
+    /// Relaxation time of the viscosity of the water.
+    pub(super) relaxation_time: f64,
+    /// Part of the second moment that is stress: -1 times that of the non-equilibrium moment.
+    factor: f64,
+    /// Density of the body force over one cell.
+    weight: f64,
+    /// Density of the smallest capillary waves.
+    of_waves: f64,
+}
+
+impl Drive {
+    /// Returns the conditions; `of_waves` is the density of the smallest capillary waves.
+    pub(super) fn new(half_force: [f64; 3], viscosity: f64, of_waves: f64) -> Self {
+        // Π = -σ = (1 - 1/(2τ)) times the non-equilibrium second moment.
+        let relaxation_time = 3.0 * viscosity + 0.5;
+        Self {
+            half_force,
+            relaxation_time,
+            factor: 3.0 * viscosity / relaxation_time,
+            weight: 6.0 * half_force.iter().map(|f| f * f).sum::<f64>().sqrt(),
+            of_waves,
         }
     }
-    best.1
 }
 
-/// Returns the facet of an interface cell; `half_force` is F/2, and `viscosity` that of the water. `capillary` is the
-/// density of the tension, and `least` that of its smallest waves. No thread writes the numbers.
-#[inline(always)]
-pub(super) fn find<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize>(
-    (cells, around): (&Cells, &Around),
-    (populations, numbers, stencil): (&Populations<S>, &Numbers<S>, &Stencil<L, Q>),
-    (half_force, viscosity): ([f64; 3], f64),
-    cell: usize,
-    (_, [capillary, least]): (J, [f64; 2]),
-) -> Facet {
-    // SAFETY: an interface cell of the slab, whose numbers are only read.
-    let (density, momentum) = unsafe { stencil.momentum(numbers, cell) };
-    let mut facet = Facet {
-        velocity: std::array::from_fn(|a| (half_force[a] + momentum[a]) / (1.0 + density)),
-        ..Facet::default()
-    };
-    let kinds = stencil.kinds(cells, cell);
-    let Some(normal) = normal(cells, stencil, (cell, &kinds)) else {
-        return facet;
-    };
-    facet.normal = normal;
-    let i = inward::<L, Q>(&kinds, normal);
-    if i == 0 {
-        return facet;
-    }
-    let c = Stencil::<L, Q>::C[i];
-    let along = |v: [f64; 3]| v[0] * normal[0] + v[1] * normal[1] + v[2] * normal[2];
-    facet.inner = -dot(c, normal);
-    facet.distance = cut::distance(cells.fill[cell], normal) + 0.5 * along(facet.velocity);
-    facet.at_rest = 6.0 * along(half_force);
-    let weight = 6.0 * half_force.iter().map(|f| f * f).sum::<f64>().sqrt();
-    facet.most = MAX_ACCELERATION * weight * (0.5 + facet.inner);
-    if J::ACTS {
-        let waves = MAX_WAVE_NUMBER * capillary.abs() + least;
-        facet.most += MAX_ACCELERATION * waves * (0.5 + facet.inner);
-    }
-    // SAFETY: as above.
-    let of_cell = |cell: usize| unsafe { stencil.moments(numbers, cell) };
-    let found = around.moments_along(populations, (cell, i), of_cell);
-    facet.inward = u8::try_from(i).unwrap_or(0);
-    // Π = -σ = (1 - 1/(2τ)) times the non-equilibrium second moment.
-    let relaxation_time = 3.0 * viscosity + 0.5;
-    let factor = 3.0 * viscosity / relaxation_time;
-    let stress = across(&found, normal).map(|t| factor * t);
-    let pressed = along(stress);
-    facet.density_inside = found[0];
-    facet.inside = found[0] + 3.0 * pressed;
-    if J::ACTS {
-        facet.inside -= capillary;
-    }
-    facet.traction = std::array::from_fn(|a| stress[a] - pressed * normal[a]);
-    carry(
-        &mut facet,
-        (momentum.map(|m| m / (1.0 + density)), &found),
-        c,
-        relaxation_time,
-    );
-    // Cells with a body take part in the flow with their own populations.
-    facet.carried &= !cells.meets_body(cell);
-    facet
+/// Known values of an interface cell.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Known {
+    /// Density and momentum.
+    pub(super) density: f64,
+    pub(super) momentum: [f64; 3],
+    /// Normal towards the gas, and the distance of a plane with this normal from the centre of the cell.
+    pub(super) normal: [f64; 3],
+    pub(super) distance: f64,
+    /// Direction to the liquid cell inside, and 1 with such a cell, else 0.
+    pub(super) c: [f64; 3],
+    pub(super) has_inside: f64,
+    /// Moments of the liquid cell inside.
+    pub(super) found: Moments,
+    /// Density that the surface tension adds.
+    pub(super) capillary: f64,
 }
 
-/// Decides if the liquid cell inside carries a cell, and computes the velocity.
-///
-/// The velocity is extrapolated with the rate of strain inside, from its second moment, as in an irrotational flow.
-fn carry(facet: &mut Facet, (own, found): ([f64; 3], &Moments), c: [f64; 3], relaxation_time: f64) {
-    let inner = [found[1], found[2], found[3]];
-    let excess = facet.inside + (facet.distance + facet.inner) * facet.at_rest;
-    let change: [f64; 3] = std::array::from_fn(|a| own[a] - inner[a]);
-    let smooth = change.iter().map(|u| u * u).sum::<f64>() <= SMOOTH * SMOOTH
-        && excess.abs() <= facet.most
-        && facet.distance + facet.inner >= MIN_REACH;
-    facet.carried = facet.distance < 0.0 && smooth;
-    if facet.carried {
+impl Facet {
+    /// Returns the facet of an interface cell. Without a liquid cell inside only velocity and normal count.
+    #[inline(always)]
+    pub(super) fn new<J: Jump>(drive: &Drive, known: &Known, _: J) -> Self {
+        let &Known { normal, found, .. } = known;
+        let half = drive.half_force;
+        let along = |v: [f64; 3]| v[0] * normal[0] + v[1] * normal[1] + v[2] * normal[2];
+        let mass = 1.0 + known.density;
+        let [x, y, z] = known.momentum;
+        let mut facet = Self {
+            velocity: [
+                (half[0] + x) / mass,
+                (half[1] + y) / mass,
+                (half[2] + z) / mass,
+            ],
+            normal,
+            has_inside: known.has_inside,
+            inner: -dot(known.c, normal),
+            ..Self::default()
+        };
+        facet.distance = known.distance + 0.5 * along(facet.velocity);
+        facet.at_rest = 6.0 * along(half);
+        facet.most = MAX_ACCELERATION * drive.weight * (0.5 + facet.inner);
+        if J::ACTS {
+            let waves = MAX_WAVE_NUMBER * known.capillary.abs() + drive.of_waves;
+            facet.most += MAX_ACCELERATION * waves * (0.5 + facet.inner);
+        }
+        let [a, b, c] = across(&found, normal);
+        let stress = [drive.factor * a, drive.factor * b, drive.factor * c];
+        let pressed = along(stress);
+        facet.density_inside = found[0];
+        facet.inside = found[0] + 3.0 * pressed;
+        if J::ACTS {
+            facet.inside -= known.capillary;
+        }
+        facet.traction = [
+            stress[0] - pressed * normal[0],
+            stress[1] - pressed * normal[1],
+            stress[2] - pressed * normal[2],
+        ];
+        facet.carry([x / mass, y / mass, z / mass], known, drive.relaxation_time);
+        facet
+    }
+
+    /// Decides if the liquid cell inside carries a cell, and computes the velocity.
+    ///
+    /// The velocity is extrapolated with the rate of strain inside, from its second moment, as in an irrotational flow.
+    #[inline(always)]
+    fn carry(&mut self, own: [f64; 3], known: &Known, relaxation_time: f64) {
+        let found = &known.found;
+        let inner = [found[1], found[2], found[3]];
+        let excess = self.inside + (self.distance + self.inner) * self.at_rest;
+        let change = [own[0] - inner[0], own[1] - inner[1], own[2] - inner[2]];
+        let squares = change[0] * change[0] + change[1] * change[1] + change[2] * change[2];
+        let smooth = (squares <= SMOOTH * SMOOTH)
+            & (excess.abs() <= self.most)
+            & (self.distance + self.inner >= MIN_REACH);
+        let carried = (self.has_inside > 0.0) & (self.distance < 0.0) & smooth;
+        self.is_carried = if carried { 1.0 } else { 0.0 };
         let factor = -1.5 / (relaxation_time * (1.0 + found[0]));
-        let strained = across(found, c.map(|c| -c));
-        facet.given = std::array::from_fn(|a| inner[a] + factor * strained[a]);
+        let [x, y, z] = across(found, [-known.c[0], -known.c[1], -known.c[2]]);
+        self.given = [
+            inner[0] + factor * x,
+            inner[1] + factor * y,
+            inner[2] + factor * z,
+        ];
     }
 }

@@ -5,7 +5,8 @@
 
 use super::carrier::{Carrier, NUMBERS};
 use super::cells::Cells;
-use super::kind::{HELD, LIQUID, SOLID, is_wet};
+use super::kind::{HELD, LIQUID, SOLID};
+use super::lists::Plane;
 use super::moments::{Moments, mirrored};
 use super::strips::{Strips, Tags};
 use crate::lanes::Stored;
@@ -20,7 +21,7 @@ const TAG: u8 = 3;
 const VALUE_TAGS: Tags = [41, 42];
 /// Number of values of a cell in a message: its moments, and two more.
 const VALUES: usize = 12;
-/// Number of steps for which the ghost cells next to a plane are updated after its last water has left: the excess
+/// Number of steps for which the ghost cells next to a plane are updated after the surface has left it: the excess
 /// mass of the last cells is distributed, received and cleared.
 const LINGER: u8 = 3;
 
@@ -39,6 +40,45 @@ fn forget(moments: &mut [Vec<Moments>; 2]) {
         moments
             .iter_mut()
             .for_each(|plane| plane.fill([f64::NAN; 10]));
+    }
+}
+
+/// Ghost cells of a row and their source cells.
+#[derive(Clone, Copy, Debug)]
+struct Run {
+    /// Positions of the first ghost cell and of its source.
+    ghost: u32,
+    inside: u32,
+    length: u32,
+}
+
+impl Run {
+    /// Returns the runs of pairs of ghost cell and source cell.
+    fn join(pairs: impl Iterator<Item = [u32; 2]>, runs: &mut Vec<Self>) {
+        let first = runs.len();
+        for [ghost, inside] in pairs {
+            match runs[first..].last_mut() {
+                Some(run) if [run.ghost, run.inside].map(|n| n + run.length) == [ghost, inside] => {
+                    run.length += 1;
+                }
+                _ => runs.push(Self {
+                    ghost,
+                    inside,
+                    length: 1,
+                }),
+            }
+        }
+    }
+
+    /// Copies a value of the source cells.
+    #[inline(always)]
+    fn copy<T: Copy>(&self, values: &mut [T]) {
+        let [ghost, inside, length] = [self.ghost, self.inside, self.length].map(|n| n as usize);
+        if length == 1 {
+            values[ghost] = values[inside];
+        } else {
+            values.copy_within(inside..inside + length, ghost);
+        }
     }
 }
 
@@ -64,6 +104,27 @@ pub(super) struct Around {
     carriers: [Vec<[f64; NUMBERS]>; 2],
 }
 
+/// Copies from one plane.
+struct Group {
+    /// Plane, from the ghost plane below.
+    plane: usize,
+    copies: Range<usize>,
+    /// `true` for copies to the ends of the rows, one for each row with the ghost rows.
+    of_rows: bool,
+}
+
+/// Number of steps for which ghost cells are still updated.
+#[derive(Default)]
+struct Live {
+    /// Steps for some ghost cells of each plane, and for all of them; from the ghost plane below.
+    planes: Vec<u8>,
+    whole: Vec<u8>,
+    /// Steps for the ends of each row of the planes of the slab.
+    rows: Vec<u8>,
+    /// Number of rows of a plane, without and with ghost rows.
+    count: [usize; 2],
+}
+
 /// Exchange of the state.
 pub(super) struct Ghosts {
     kinds: HaloExchange,
@@ -73,15 +134,14 @@ pub(super) struct Ghosts {
     plane: Vec<usize>,
     /// First cells of the ghost plane below, of the first and the last plane, and of the ghost plane above.
     planes: [usize; 4],
-    /// Pairs of ghost cell and source cell, in the order in which they are copied.
-    copies: Vec<[u32; 2]>,
-    /// Copies from one plane, by index; those before the first group are made always.
-    groups: Vec<(usize, Range<usize>)>,
+    /// Runs of ghost cells and source cells, in the order in which they are copied.
+    copies: Vec<Run>,
+    /// Copies from one plane; those before the first group are made always.
+    groups: Vec<Group>,
     /// Positions of all ghost cells that may hold water, ascending, and those of each plane.
     all: Vec<u32>,
     all_of: Vec<Range<usize>>,
-    /// Number of steps for which the ghost cells of each plane, from the ghost plane below, are still updated.
-    live: Vec<u8>,
+    live: Live,
 }
 
 impl Ghosts {
@@ -132,7 +192,7 @@ impl Ghosts {
             groups: Vec::new(),
             all: Vec::new(),
             all_of: Vec::new(),
-            live: vec![LINGER; cells[order[0]] + 2],
+            live: Live::new(cells[order[0]], rows[0], order[1] < dimension),
         };
         if !cells.contains(&0) {
             ghosts.list(populations);
@@ -175,22 +235,29 @@ impl Ghosts {
                 };
                 for i in extent(a, before(a)) {
                     let first = self.copies.len();
-                    for j in extent(b, before(b)) {
-                        let at = |along: isize| {
+                    let pairs = extent(b, before(b)).map(|j| {
+                        [ghost, inside].map(|along| {
                             let mut at = [0; 3];
                             (at[axis], at[a], at[b]) = (along, i, j);
                             to_u32(populations.cell(at))
-                        };
-                        self.copies.push([at(ghost), at(inside)]);
-                    }
+                        })
+                    });
+                    Run::join(pairs, &mut self.copies);
                     if n > 0 {
-                        let group = first..self.copies.len();
-                        self.groups.push(((i + 1).unsigned_abs(), group));
+                        self.groups.push(Group {
+                            plane: (i + 1).unsigned_abs(),
+                            copies: first..self.copies.len(),
+                            of_rows: n == 2,
+                        });
                     }
                 }
             }
         }
-        self.all = self.copies.iter().map(|[ghost, _]| *ghost).collect();
+        let ghosts = self
+            .copies
+            .iter()
+            .map(|run| run.ghost..run.ghost + run.length);
+        self.all = ghosts.flatten().collect();
         for plane in [self.planes[0], self.planes[3]] {
             self.all
                 .extend(self.plane.iter().map(|cell| to_u32(plane + cell)));
@@ -215,56 +282,71 @@ impl Ghosts {
 
     /// Copies a value of the cells of the slab to the ghost cells across periodic axes and symmetry planes.
     pub(super) fn copy(&self, values: &mut [f64]) {
-        for &[ghost, inside] in &self.copies {
-            values[ghost as usize] = values[inside as usize];
+        for run in &self.copies {
+            run.copy(values);
         }
     }
 
     /// Returns `true` if a position belongs to a ghost cell that may contain water.
     pub(super) fn holds(&self, cell: usize) -> bool {
-        self.around.ghost[cell]
+        self.around.holds(cell)
     }
 
-    /// Returns the positions of the ghost cells that may hold water, in planes with water.
+    /// Returns the positions of the ghost cells that may hold water, in planes with the surface.
     pub(super) fn live(&self) -> impl Iterator<Item = u32> + '_ {
-        let planes = self.all_of.iter().zip(&self.live);
+        let planes = self.all_of.iter().zip(&self.live.planes);
         let live = planes.filter(|(_, steps)| **steps > 0);
         live.flat_map(|(range, _)| self.all[range.clone()].iter().copied())
     }
 
-    /// Fills the kinds of the ghost cells; `live` returns `true` for the planes of the slab with water. Collective.
-    pub(super) fn spread_kinds(&mut self, kinds: &mut [u8], live: impl Fn(usize) -> bool) {
+    /// Returns the positions of [`Self::live`] that may be copies of cells that have changed: with `own`, of cells of the
+    /// slab too, else of the planes of the neighbours only.
+    pub(super) fn changed(&self, own: bool) -> impl Iterator<Item = u32> + '_ {
+        let last = self.all_of.len().saturating_sub(1);
+        let planes = self.all_of.iter().zip(&self.live.planes).enumerate();
+        let live =
+            planes.filter(move |(n, (_, steps))| **steps > 0 && (own || [0, last].contains(n)));
+        live.flat_map(|(_, (range, _))| self.all[range.clone()].iter().copied())
+    }
+
+    /// Fills the kinds of the ghost cells. With `everywhere`, cells of all planes with water may have changed.
+    /// Collective.
+    pub(super) fn spread_kinds(&mut self, kinds: &mut [u8], planes: &[Plane], everywhere: bool) {
+        let row = self.around.cells[self.around.order[2]];
+        let rows = || self.plane.iter().step_by(row.max(1));
         let (lower, upper) = self.kinds.send_buffers_mut::<u8>();
         for (buffer, plane) in [(lower, self.planes[1]), (upper, self.planes[2])] {
-            for (to, cell) in buffer.into_iter().flatten().zip(&self.plane) {
-                *to = kinds[plane + cell];
+            let buffer = buffer
+                .into_iter()
+                .flat_map(|buffer| buffer.chunks_exact_mut(row.max(1)));
+            for (to, first) in buffer.zip(rows()) {
+                to.copy_from_slice(&kinds[plane + first..][..row]);
             }
         }
         self.kinds.start();
         self.kinds.finish();
         let (lower, upper) = self.kinds.received::<u8>();
         for (buffer, plane) in [(lower, self.planes[0]), (upper, self.planes[3])] {
-            for (kind, cell) in buffer.into_iter().flatten().zip(&self.plane) {
-                kinds[plane + cell] = *kind;
+            let buffer = buffer
+                .into_iter()
+                .flat_map(|buffer| buffer.chunks_exact(row.max(1)));
+            for (from, first) in buffer.zip(rows()) {
+                kinds[plane + first..][..row].copy_from_slice(from);
             }
         }
         let first = self
             .groups
             .first()
-            .map_or(self.copies.len(), |group| group.1.start);
-        for &[ghost, inside] in &self.copies[..first] {
-            kinds[ghost as usize] = kinds[inside as usize];
+            .map_or(self.copies.len(), |group| group.copies.start);
+        for run in &self.copies[..first] {
+            run.copy(kinds);
         }
-        self.find_live(kinds, live);
-        for (plane, group) in &self.groups {
-            if self.live[*plane] > 0 {
-                for &[ghost, inside] in &self.copies[group.clone()] {
-                    kinds[ghost as usize] = kinds[inside as usize];
-                }
-            }
+        self.find_live(kinds, planes, everywhere);
+        for group in &self.groups {
+            let copies = &self.copies[group.copies.clone()];
+            self.live.each(group, copies, |run| run.copy(kinds));
         }
         let (plane, ends) = (&self.plane, &self.planes);
-        let row = self.around.cells[self.around.order[2]];
         self.values.find(|end, ghost, m| {
             let first = ends[if end == 0 { 0 } else { 2 } + usize::from(ghost == (end == 1))];
             let first = first + plane[m * row];
@@ -272,31 +354,36 @@ impl Ghosts {
         });
     }
 
-    /// Notes the planes with water.
-    fn find_live(&mut self, kinds: &[u8], live: impl Fn(usize) -> bool) {
-        let last = self.live.len() - 1;
-        for (n, steps) in self.live[1..last].iter_mut().enumerate() {
-            if live(n) {
-                *steps = LINGER;
-            }
-        }
+    /// Notes where cells may have changed.
+    fn find_live(&mut self, kinds: &[u8], planes: &[Plane], everywhere: bool) {
+        let last = self.live.planes.len() - 1;
+        self.live.note(planes, everywhere);
+        let row = self.around.cells[self.around.order[2]].max(1);
         for (n, first) in [(0, self.planes[0]), (last, self.planes[3])] {
-            if self.plane.iter().any(|cell| is_wet(kinds[first + cell])) {
-                self.live[n] = LINGER;
+            // Without a branch, so that many cells are compared at once.
+            let is_active = |cell: &usize| {
+                let row = &kinds[first + cell..][..row];
+                row.iter().fold(false, |any, &kind| any | (kind > LIQUID))
+            };
+            if self.plane.iter().step_by(row).any(is_active) {
+                (self.live.planes[n], self.live.whole[n]) = (LINGER, LINGER);
             }
         }
     }
 
     /// Fills the fill levels and the excess masses of the ghost cells, and receives the moments in the planes of the
-    /// neighbours. Collective.
+    /// neighbours. With `everywhere`, levels away from the surface are used too. Collective.
     pub(super) fn spread_values(
         &mut self,
-        kinds: &[u8],
+        (kinds, everywhere): (&[u8], bool),
         [fill, share]: [&mut [f64]; 2],
         of_cell: impl Fn(usize) -> Moments,
     ) {
         // Away from the surface the fill level follows from the kind.
-        for first in [self.planes[0], self.planes[3]] {
+        for (end, first) in [self.planes[0], self.planes[3]].into_iter().enumerate() {
+            if !everywhere && !self.values.is_near(end) {
+                continue;
+            }
             for cell in self.plane.iter().map(|cell| first + cell) {
                 let full = matches!(kinds[cell], LIQUID | HELD);
                 (fill[cell], share[cell]) = (f64::from(u8::from(full)), 0.0);
@@ -318,20 +405,19 @@ impl Ghosts {
         let first = self
             .groups
             .first()
-            .map_or(self.copies.len(), |group| group.1.start);
-        let groups = self
-            .groups
-            .iter()
-            .filter(|(plane, _)| self.live[*plane] > 0);
-        for group in std::iter::once(0..first).chain(groups.map(|(_, group)| group.clone())) {
-            for &[ghost, inside] in &self.copies[group] {
-                fill[ghost as usize] = fill[inside as usize];
-                share[ghost as usize] = share[inside as usize];
-            }
+            .map_or(self.copies.len(), |group| group.copies.start);
+        for run in &self.copies[..first] {
+            run.copy(fill);
+            run.copy(share);
         }
-        for live in &mut self.live {
-            *live = live.saturating_sub(1);
+        for group in &self.groups {
+            let copies = &self.copies[group.copies.clone()];
+            self.live.each(group, copies, |run| {
+                run.copy(fill);
+                run.copy(share);
+            });
         }
+        self.live.pass();
     }
 
     /// Receives the moments in the planes of the neighbours: those next to the surface, or `all`. Collective.
@@ -365,6 +451,67 @@ impl Ghosts {
     }
 }
 
+impl Live {
+    /// Returns the state at the start, at which all ghost cells are updated.
+    fn new(planes: usize, rows: usize, ghost_rows: bool) -> Self {
+        let ghosts = if ghost_rows { 2 } else { 0 };
+        Self {
+            planes: vec![LINGER; planes + 2],
+            whole: vec![LINGER; planes + 2],
+            rows: vec![LINGER; planes * rows],
+            count: [rows, rows + ghosts],
+        }
+    }
+
+    /// Notes the planes and the rows of the slab in which cells may have changed.
+    fn note(&mut self, planes: &[Plane], everywhere: bool) {
+        for (n, plane) in planes.iter().enumerate() {
+            let whole = plane.is_outdated() || everywhere && plane.is_live();
+            if whole {
+                self.whole[n + 1] = LINGER;
+            }
+            if whole || !plane.surface.is_empty() {
+                self.planes[n + 1] = LINGER;
+            }
+            for &row in &plane.rows {
+                self.rows[n * self.count[0] + row as usize] = LINGER;
+            }
+        }
+    }
+
+    /// Calls `copy` with the copies of a group that are still made.
+    #[inline(always)]
+    fn each(&self, group: &Group, copies: &[Run], mut copy: impl FnMut(&Run)) {
+        if self.planes[group.plane] == 0 {
+            return;
+        }
+        let [rows, with_ghosts] = self.count;
+        if !group.of_rows || self.whole[group.plane] > 0 || copies.len() != with_ghosts {
+            copies.iter().for_each(copy);
+            return;
+        }
+        let ghosts = (with_ghosts - rows) / 2;
+        let inner = ghosts..ghosts + rows;
+        let (lower, upper) = (&copies[..inner.start], &copies[inner.end..]);
+        lower.iter().chain(upper).for_each(&mut copy);
+        let steps = &self.rows[(group.plane - 1) * rows..][..rows];
+        for (run, steps) in copies[inner].iter().zip(steps) {
+            if *steps > 0 {
+                copy(run);
+            }
+        }
+    }
+
+    /// Counts a step.
+    fn pass(&mut self) {
+        for steps in [&mut self.planes, &mut self.whole, &mut self.rows] {
+            for steps in steps {
+                *steps = steps.saturating_sub(1);
+            }
+        }
+    }
+}
+
 impl Around {
     /// Returns the links of cells of the slab, by cell and direction, that a symmetry plane reflects into a solid
     /// cell: the population that returns from there does not come from water.
@@ -392,6 +539,12 @@ impl Around {
             }
         }
         corners
+    }
+
+    /// Returns `true` if a position belongs to a ghost cell that may contain water.
+    #[inline(always)]
+    pub(super) fn holds(&self, cell: usize) -> bool {
+        self.ghost[cell]
     }
 
     /// Returns `true` if a position is that of a ghost cell beyond a plane of symmetry.

@@ -23,3 +23,13 @@ pub(super) struct CapillaryJump;
 impl Jump for CapillaryJump {
     const ACTS: bool = true;
 }
+
+/// Returns a density with that of the tension.
+#[inline(always)]
+pub(super) fn pressed<J: Jump>(_: J, capillary: f64, density: f64) -> f64 {
+    if J::ACTS {
+        density + capillary
+    } else {
+        density
+    }
+}

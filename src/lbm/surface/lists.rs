@@ -1,7 +1,5 @@
 //! Interface cells of each plane, and the parts of rows that contain water.
 
-use super::facet::Facet;
-use super::jump::Jump;
 use super::kind::{GAS, LIQUID, is_surface, is_wet};
 use base::number::to_u32;
 
@@ -19,27 +17,18 @@ const FULL: u64 = u64::from_le_bytes([LIQUID; TOGETHER]);
 pub(crate) struct Plane {
     /// Positions of the interface cells.
     pub(super) surface: Vec<u32>,
-    /// Surface in each interface cell.
-    pub(super) facets: Vec<Facet>,
     /// Density that the surface tension adds in each interface cell; empty without it.
     pub(super) capillary: Vec<f64>,
-    /// Fill level of each interface cell at the end of the step.
-    pub(super) fill: Vec<f64>,
-    /// Kind of each interface cell at the end of the step.
-    pub(super) kind: Vec<u8>,
     /// Runs of cells of gas that the pass collides because their vectors hold water: first position and end.
     pub(super) dry: Vec<[u32; 2]>,
+    /// Rows with interface cells.
+    pub(super) rows: Vec<u32>,
     /// `true` if kinds of cells have changed since the lists were made.
     pub(super) changed: bool,
     /// Index of the first span of each row, and total.
     begins: Vec<u32>,
     /// First cell and end of each part of a row that contains water, in whole vectors up to the end of the row.
     spans: Vec<[u32; 2]>,
-}
-
-/// Returns a function that is `true` for the planes that contain water, by index.
-pub(super) fn live(planes: &[Plane]) -> impl Fn(usize) -> bool {
-    |n| planes[n].is_live()
 }
 
 impl Plane {
@@ -70,6 +59,11 @@ impl Plane {
         !self.is_made() || self.changed || !self.spans.is_empty()
     }
 
+    /// Returns `true` if kinds of cells have changed since the lists were made.
+    pub(super) fn is_outdated(&self) -> bool {
+        !self.is_made() || self.changed
+    }
+
     /// Returns the number of cells in the parts of rows that contain water.
     pub(super) fn wet(&self) -> usize {
         let lengths = self.spans.iter().map(|[first, end]| end - first);
@@ -81,24 +75,16 @@ impl Plane {
         !self.begins.is_empty()
     }
 
-    /// Returns a density with that of the tension of an interface cell.
-    #[inline(always)]
-    pub(super) fn pressed<J: Jump>(&self, _: J, n: usize, density: f64) -> f64 {
-        if J::ACTS {
-            density + self.capillary[n]
-        } else {
-            density
-        }
-    }
-
     /// Makes the lists from the kinds of the cells; `rows` returns the position of the first cell of each row.
     pub(super) fn find(&mut self, kinds: &[u8], rows: impl Iterator<Item = usize>, length: usize) {
         self.changed = false;
         self.surface.clear();
+        self.rows.clear();
         self.dry.clear();
         self.begins.clear();
         self.spans.clear();
-        for first in rows {
+        for (row_index, first) in (0..).zip(rows) {
+            let before = self.surface.len();
             let begin = self.spans.len();
             self.begins.push(to_u32(begin));
             let row = &kinds[first..first + length];
@@ -134,12 +120,11 @@ impl Plane {
                     }
                 }
             }
+            if self.surface.len() > before {
+                self.rows.push(row_index);
+            }
         }
         self.begins.push(to_u32(self.spans.len()));
-        let count = self.surface.len();
-        self.facets.resize(count, Facet::default());
-        self.fill.resize(count, 0.0);
-        self.kind.resize(count, 0);
     }
 }
 

@@ -7,7 +7,7 @@
 use super::cells::Cells;
 use super::kind::SOLID;
 use super::moments::{Moments, PAIRS, from_sums};
-use crate::lanes::{Stored, prefetch};
+use crate::lanes::Stored;
 use crate::lattice::{Lattice, unroll};
 use crate::populations::Populations;
 use std::marker::PhantomData;
@@ -33,6 +33,12 @@ impl<S: Stored> Numbers<S> {
         Self(list.as_mut_ptr())
     }
 
+    /// Returns the address of the first number.
+    #[inline(always)]
+    pub(super) fn start(&self) -> *const S {
+        self.0
+    }
+
     /// Reads a number.
     ///
     /// # Safety
@@ -53,12 +59,6 @@ impl<S: Stored> Numbers<S> {
         unsafe { self.0.add(position).write(S::from_f64(value)) }
     }
 }
-
-/// Cells of a list from the one at work to the one whose numbers are prefetched.
-const AHEAD: usize = 6;
-
-/// Bytes of a cache line.
-const LINE: usize = 64;
 
 /// Square roots of 0 to 3.
 const ROOTS: [f64; 4] = [0.0, 1.0, std::f64::consts::SQRT_2, 1.732_050_807_568_877_2];
@@ -161,34 +161,14 @@ impl<L: Lattice<Q>, const Q: usize> Stencil<L, Q> {
         kinds
     }
 
-    /// Prefetches the numbers of the links of the cell that comes some cells after the one at `n` in a list. Behind a
-    /// pass they lie in memory, on a line for each direction, and their loads would wait for each other.
-    #[inline(always)]
-    pub(super) fn prefetch<S: Stored>(&self, numbers: &Numbers<S>, list: &[u32], n: usize) {
-        let (Some(&cell), Some(&before)) = (list.get(n + AHEAD), list.get(n + AHEAD - 1)) else {
-            return;
-        };
-        // The cells of a row share lines.
-        if cell != before + 1 || (cell as usize).is_multiple_of(LINE / size_of::<S>()) {
-            for i in 1..Q {
-                prefetch(numbers.0.wrapping_add(self.out(cell as usize, i)));
-                prefetch(numbers.0.wrapping_add(self.back(cell as usize, i)));
-            }
-        }
-    }
-
     /// Returns the density of a cell.
     ///
     /// # Safety
     /// The cell lies in the slab, and no other thread writes its incoming numbers.
     #[inline(always)]
     pub(super) unsafe fn density<S: Stored>(&self, numbers: &Numbers<S>, cell: usize) -> f64 {
-        let mut density = 0.0;
-        unroll!(populations i < Q => {
-            // SAFETY: promised by the caller.
-            density += unsafe { numbers.read(self.incoming(cell, i)) };
-        });
-        density
+        // SAFETY: promised by the caller.
+        density::<Q>(|i| unsafe { numbers.read(self.incoming(cell, i)) })
     }
 
     /// Returns the density and the momentum of a cell.
@@ -201,21 +181,8 @@ impl<L: Lattice<Q>, const Q: usize> Stencil<L, Q> {
         numbers: &Numbers<S>,
         cell: usize,
     ) -> (f64, [f64; 3]) {
-        let mut density = 0.0;
-        let mut momentum = [0.0; 3];
-        unroll!(populations i < Q => {
-            // SAFETY: promised by the caller.
-            let g = unsafe { numbers.read(self.incoming(cell, i)) };
-            density += g;
-            unroll!(axes a < 3 => {
-                match L::C[i][a] {
-                    1 => momentum[a] += g,
-                    -1 => momentum[a] -= g,
-                    _ => {}
-                }
-            });
-        });
-        (density, momentum)
+        // SAFETY: promised by the caller.
+        momentum::<L, Q>(|i| unsafe { numbers.read(self.incoming(cell, i)) })
     }
 
     /// Returns the moments of a cell.
@@ -224,31 +191,68 @@ impl<L: Lattice<Q>, const Q: usize> Stencil<L, Q> {
     /// The conditions are those of [`Self::density`].
     #[inline(always)]
     pub(super) unsafe fn moments<S: Stored>(&self, numbers: &Numbers<S>, cell: usize) -> Moments {
-        let mut density = 0.0;
-        let mut momentum = [0.0; 3];
-        let mut second = [0.0; 6];
-        unroll!(populations i < Q => {
-            // SAFETY: promised by the caller.
-            let g = unsafe { numbers.read(self.incoming(cell, i)) };
-            density += g;
-            unroll!(axes a < 3 => {
-                match L::C[i][a] {
-                    1 => momentum[a] += g,
-                    -1 => momentum[a] -= g,
-                    _ => {}
-                }
-            });
-            unroll!(six n < 6 => {
-                let [a, b] = PAIRS[n];
-                match L::C[i][a] * L::C[i][b] {
-                    1 => second[n] += g,
-                    -1 => second[n] -= g,
-                    _ => {}
-                }
-            });
-        });
-        from_sums(L::DIMENSION, density, momentum, second)
+        // SAFETY: promised by the caller.
+        sums::<L, Q>(|i| unsafe { numbers.read(self.incoming(cell, i)) })
     }
+}
+
+/// Returns the density of incoming populations.
+#[inline(always)]
+pub(super) fn density<const Q: usize>(number: impl Fn(usize) -> f64) -> f64 {
+    let mut density = 0.0;
+    unroll!(populations i < Q => {
+        density += number(i);
+    });
+    density
+}
+
+/// Returns the density and the momentum of incoming populations.
+#[inline(always)]
+pub(super) fn momentum<L: Lattice<Q>, const Q: usize>(
+    number: impl Fn(usize) -> f64,
+) -> (f64, [f64; 3]) {
+    let mut density = 0.0;
+    let mut momentum = [0.0; 3];
+    unroll!(populations i < Q => {
+        let g = number(i);
+        density += g;
+        unroll!(axes a < 3 => {
+            match L::C[i][a] {
+                1 => momentum[a] += g,
+                -1 => momentum[a] -= g,
+                _ => {}
+            }
+        });
+    });
+    (density, momentum)
+}
+
+/// Returns the moments of incoming populations.
+#[inline(always)]
+pub(super) fn sums<L: Lattice<Q>, const Q: usize>(number: impl Fn(usize) -> f64) -> Moments {
+    let mut density = 0.0;
+    let mut momentum = [0.0; 3];
+    let mut second = [0.0; 6];
+    unroll!(populations i < Q => {
+        let g = number(i);
+        density += g;
+        unroll!(axes a < 3 => {
+            match L::C[i][a] {
+                1 => momentum[a] += g,
+                -1 => momentum[a] -= g,
+                _ => {}
+            }
+        });
+        unroll!(six n < 6 => {
+            let [a, b] = PAIRS[n];
+            match L::C[i][a] * L::C[i][b] {
+                1 => second[n] += g,
+                -1 => second[n] -= g,
+                _ => {}
+            }
+        });
+    });
+    from_sums(L::DIMENSION, density, momentum, second)
 }
 
 /// Calls a function for the velocity set of populations: `with_set!(populations, function(arguments))` calls

@@ -125,6 +125,12 @@ impl Strips {
         }
     }
 
+    /// Returns `true` if the surface is near the plane of a neighbour at an end.
+    pub(super) fn is_near(&self, end: usize) -> bool {
+        let mut cuts = self.cuts.iter();
+        cuts.any(|cut| cut.ends.iter().any(|[_, to]| *to == end) && cut.near.contains(&true))
+    }
+
     /// Sends values of the outer planes; `fill` writes those of a cell, given by end and index in the plane. With
     /// `all`, strips far from the surface are sent too.
     pub(super) fn send<T: Pod>(&mut self, all: bool, fill: impl Fn(usize, usize, &mut [T])) {

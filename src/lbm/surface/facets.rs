@@ -1,0 +1,349 @@
+//! Facets of the cells of a batch.
+
+use super::batch::{Batch, Kinds, MOST, Positions, Values};
+use super::carrier::dot;
+use super::cells::Cells;
+use super::cut;
+use super::facet::{Drive, Facet, Known, bounded};
+use super::ghosts::Around;
+use super::jump::Jump;
+use super::kind::{HELD, LIQUID, SOLID};
+use super::moments::Moments;
+use super::stencil::{Numbers, Stencil, momentum, sums};
+use crate::lanes::{Stored, Work};
+use crate::lattice::{Lattice, unroll};
+use crate::populations::Populations;
+use base::number::to_u32;
+
+/// Minimum component against the normal, relative to its length, of a link from an interface cell to the liquid
+/// cell inside.
+const INWARD: f64 = 0.7;
+
+/// Surface in the cells of a batch: the values of [`Facet`].
+#[derive(Clone, Debug, Default)]
+pub(super) struct Facets {
+    velocity: [Values; 3],
+    normal: [Values; 3],
+    distance: Values,
+    at_rest: Values,
+    most: Values,
+    has_inside: Values,
+    inside: Values,
+    density_inside: Values,
+    traction: [Values; 3],
+    inner: Values,
+    is_carried: Values,
+    given: [Values; 3],
+    /// Direction to the liquid cell closest to the inward normal; 0 without one.
+    pub(super) inward: [u8; MOST],
+    /// `true` for the cells that the liquid cell inside carries.
+    pub(super) carried: [bool; MOST],
+}
+
+impl Facets {
+    /// Returns the surface in a cell.
+    #[inline(always)]
+    pub(super) fn at(&self, k: usize) -> Facet {
+        let of = |vector: &[Values; 3]| [vector[0][k], vector[1][k], vector[2][k]];
+        Facet {
+            velocity: of(&self.velocity),
+            normal: of(&self.normal),
+            distance: self.distance[k],
+            at_rest: self.at_rest[k],
+            most: self.most[k],
+            has_inside: self.has_inside[k],
+            inside: self.inside[k],
+            density_inside: self.density_inside[k],
+            traction: of(&self.traction),
+            inner: self.inner[k],
+            is_carried: self.is_carried[k],
+            given: of(&self.given),
+        }
+    }
+
+    /// Sets the surface in a cell.
+    #[inline(always)]
+    fn set(&mut self, k: usize, facet: &Facet) {
+        let set = |vector: &mut [Values; 3], [x, y, z]: [f64; 3]| {
+            (vector[0][k], vector[1][k], vector[2][k]) = (x, y, z);
+        };
+        set(&mut self.velocity, facet.velocity);
+        set(&mut self.normal, facet.normal);
+        self.distance[k] = facet.distance;
+        self.at_rest[k] = facet.at_rest;
+        self.most[k] = facet.most;
+        self.has_inside[k] = facet.has_inside;
+        self.inside[k] = facet.inside;
+        self.density_inside[k] = facet.density_inside;
+        set(&mut self.traction, facet.traction);
+        self.inner[k] = facet.inner;
+        self.is_carried[k] = facet.is_carried;
+        set(&mut self.given, facet.given);
+    }
+}
+
+/// Computes the normals like [`normal`] for the cells of a batch; 0 without a gradient.
+#[inline(always)]
+fn normals<L: Lattice<Q>, const Q: usize>(
+    cells: &Cells,
+    stencil: &Stencil<L, Q>,
+    (positions, kinds): (&Positions, &Kinds<Q>),
+    to: &mut [Values; 3],
+) {
+    let count = positions.padded();
+    let mut level = [0.0; MOST];
+    let mut sum = [[0.0; MOST]; 3];
+    for i in 1..Q {
+        positions.values(&cells.fill, stencil.neighbour(0, i), &mut level);
+        let kinds = &kinds[i];
+        for level in &mut level[..count] {
+            *level = bounded(*level, 0.0, 1.0);
+        }
+        let is_wall = |kind: u8| (kind == SOLID) | (kind == HELD);
+        if kinds[..count]
+            .iter()
+            .fold(false, |any, &kind| any | is_wall(kind))
+        {
+            for (k, &cell) in positions.cells().iter().enumerate() {
+                if is_wall(kinds[k]) {
+                    level[k] = cells.mirrored_level(cell as usize, L::C[i]);
+                }
+            }
+        }
+        let w = L::W[i];
+        for (sum, c) in sum.iter_mut().zip(Stencil::<L, Q>::C[i]) {
+            if c != 0.0 {
+                for k in 0..count {
+                    sum[k] -= c * (w * level[k]);
+                }
+            }
+        }
+    }
+    for k in 0..count {
+        let normal = [sum[0][k], sum[1][k], sum[2][k]];
+        let squares = normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2];
+        let length = squares.sqrt();
+        for a in 0..3 {
+            to[a][k] = if length > 0.0 {
+                normal[a] / length
+            } else {
+                0.0
+            };
+        }
+    }
+}
+
+/// Finds the direction to the liquid neighbour closest to the inward normal of each cell of a batch; 0 if none is close
+/// enough.
+#[inline(always)]
+fn inwards<L: Lattice<Q>, const Q: usize>(
+    count: usize,
+    kinds: &Kinds<Q>,
+    normal: &[Values; 3],
+    to: &mut [u8; MOST],
+) {
+    for k in 0..count.min(MOST) {
+        let normal = [normal[0][k], normal[1][k], normal[2][k]];
+        let mut down = [0.0; Q];
+        unroll!(pairs n < (Q - 1) / 2 => {
+            let (i, back) = L::PAIRS[n];
+            let up = dot(Stencil::<L, Q>::C[i], normal) / Stencil::<L, Q>::LENGTHS[i];
+            down[i] = -up;
+            down[back] = up;
+        });
+        let mut best = (INWARD, 0);
+        unroll!(populations i < Q => {
+            if i > 0 {
+                let closer = (kinds[i][k] == LIQUID) & (down[i] > best.0);
+                best.0 = if closer { down[i] } else { best.0 };
+                best.1 = if closer { i.to_le_bytes()[0] } else { best.1 };
+            }
+        });
+        to[k] = best.1;
+    }
+}
+
+/// Cells next to interface cells along one direction each, of which some are ghost cells.
+pub(super) struct Inner {
+    /// Positions of the cells; of a ghost cell that of the interface cell.
+    pub(super) positions: Positions,
+    /// `true` if there are ghost cells.
+    pub(super) beyond: bool,
+}
+
+impl Inner {
+    /// Returns the liquid cells inside of the cells of a batch.
+    #[inline(always)]
+    pub(super) fn of<L: Lattice<Q>, const Q: usize>(
+        (positions, inward): (&Positions, &[u8; MOST]),
+        stencil: &Stencil<L, Q>,
+        around: &Around,
+    ) -> Self {
+        let mut beyond = false;
+        let cells = positions.cells().iter().zip(inward).map(|(&cell, &i)| {
+            let next = stencil.neighbour(cell as usize, usize::from(i));
+            let ghost = around.holds(next);
+            beyond |= ghost;
+            if ghost { cell } else { to_u32(next) }
+        });
+        let positions = Positions::of(cells);
+        Self { positions, beyond }
+    }
+}
+
+/// Computation of the facets of batches from the state before a pass.
+pub(super) struct Find<'a, L, S: Stored, J, const Q: usize> {
+    pub(super) batches: &'a mut [Batch],
+    pub(super) cells: &'a Cells,
+    pub(super) around: &'a Around,
+    pub(super) populations: &'a Populations<S>,
+    /// Numbers of the populations, which no thread writes.
+    pub(super) numbers: &'a Numbers<S>,
+    pub(super) stencil: &'a Stencil<L, Q>,
+    pub(super) drive: &'a Drive,
+    pub(super) jump: J,
+}
+
+/// Buffers of a thread.
+struct Buffers<const Q: usize> {
+    numbers: [Values; Q],
+    kinds: Kinds<Q>,
+    density: Values,
+    momentum: [Values; 3],
+    normal: [Values; 3],
+    distance: Values,
+    inward: [u8; MOST],
+    has_inside: Values,
+    c: [Values; 3],
+    found: [Values; 10],
+}
+
+impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Work for Find<'_, L, S, J, Q> {
+    #[inline(always)]
+    fn run(self) {
+        let mut buffers = Buffers {
+            numbers: [[0.0; MOST]; Q],
+            kinds: [[SOLID; MOST]; Q],
+            density: [0.0; MOST],
+            momentum: [[0.0; MOST]; 3],
+            normal: [[0.0; MOST]; 3],
+            distance: [0.0; MOST],
+            inward: [0; MOST],
+            has_inside: [0.0; MOST],
+            c: [[0.0; MOST]; 3],
+            found: [[0.0; MOST]; 10],
+        };
+        for n in 0..self.batches.len() {
+            let positions = self.batches[n].positions;
+            if let Some(next) = self.batches.get(n + 1) {
+                for i in 0..Q {
+                    let distance = self.stencil.incoming(0, i);
+                    next.positions.prefetch(self.numbers, distance);
+                }
+                next.prefetch_inside(self.numbers, self.stencil);
+            }
+            self.look(&positions, &mut buffers);
+            self.look_inside(&positions, &mut buffers);
+            let batch = &mut self.batches[n];
+            for k in 0..positions.padded() {
+                let of = |vector: &[Values; 3]| [vector[0][k], vector[1][k], vector[2][k]];
+                let known = Known {
+                    density: buffers.density[k],
+                    momentum: of(&buffers.momentum),
+                    normal: of(&buffers.normal),
+                    distance: buffers.distance[k],
+                    has_inside: buffers.has_inside[k],
+                    c: of(&buffers.c),
+                    found: moments_at(&buffers.found, k),
+                    capillary: batch.capillary[k],
+                };
+                let facet = Facet::new(self.drive, &known, self.jump);
+                batch.facets.set(k, &facet);
+            }
+            batch.facets.inward = buffers.inward;
+            for k in 0..MOST {
+                batch.facets.carried[k] = batch.facets.is_carried[k] > 0.0;
+            }
+            // Cells with a body take part in the flow with their own populations.
+            if self.cells.has_bodies() {
+                let carried = batch.facets.carried.iter_mut().zip(positions.cells());
+                for (carried, &cell) in carried.filter(|(carried, _)| **carried) {
+                    *carried = !self.cells.meets_body(cell as usize);
+                }
+            }
+        }
+    }
+}
+
+/// Returns the moments of a cell of a batch.
+#[inline(always)]
+fn moments_at(all: &[Values; 10], k: usize) -> Moments {
+    let mut moments = [0.0; 10];
+    for (to, values) in moments.iter_mut().zip(all) {
+        *to = values[k];
+    }
+    moments
+}
+
+impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Find<'_, L, S, J, Q> {
+    /// Computes momentum, normal, direction inwards and distance of the surface of each cell.
+    #[inline(always)]
+    fn look(&self, positions: &Positions, to: &mut Buffers<Q>) {
+        let count = positions.padded();
+        // SAFETY: interface cells of the slab, whose numbers are only read.
+        unsafe { positions.incoming(self.numbers, self.stencil, &mut to.numbers) };
+        for k in 0..count {
+            let (density, [x, y, z]) = momentum::<L, Q>(|i| to.numbers[i][k]);
+            to.density[k] = density;
+            (to.momentum[0][k], to.momentum[1][k], to.momentum[2][k]) = (x, y, z);
+        }
+        positions.kinds(self.cells, self.stencil, &mut to.kinds);
+        let around = (positions, &to.kinds);
+        normals(self.cells, self.stencil, around, &mut to.normal);
+        inwards::<L, Q>(count, &to.kinds, &to.normal, &mut to.inward);
+        for (k, &cell) in positions.cells().iter().enumerate() {
+            let i = usize::from(to.inward[k]);
+            to.has_inside[k] = if i == 0 { 0.0 } else { 1.0 };
+            let c = Stencil::<L, Q>::C[i];
+            (to.c[0][k], to.c[1][k], to.c[2][k]) = (c[0], c[1], c[2]);
+            let normal = [to.normal[0][k], to.normal[1][k], to.normal[2][k]];
+            to.distance[k] = if i == 0 {
+                0.0
+            } else {
+                cut::distance(self.cells.fill[cell as usize], normal)
+            };
+        }
+    }
+
+    /// Computes the moments of the liquid cell inside of each cell.
+    #[inline(always)]
+    fn look_inside(&self, positions: &Positions, to: &mut Buffers<Q>) {
+        let inner = Inner::of((positions, &to.inward), self.stencil, self.around);
+        // SAFETY: cells of the slab, whose numbers are only read.
+        unsafe {
+            inner
+                .positions
+                .incoming(self.numbers, self.stencil, &mut to.numbers)
+        };
+        for k in 0..positions.padded() {
+            let found = sums::<L, Q>(|i| to.numbers[i][k]);
+            for (to, found) in to.found.iter_mut().zip(found) {
+                to[k] = found;
+            }
+        }
+        if !inner.beyond {
+            return;
+        }
+        // SAFETY: as above.
+        let of_cell = |cell: usize| unsafe { self.stencil.moments(self.numbers, cell) };
+        for (k, &cell) in positions.cells().iter().enumerate() {
+            let link = (cell as usize, usize::from(to.inward[k]));
+            if self.around.holds(self.stencil.neighbour(link.0, link.1)) {
+                let found = self.around.moments_along(self.populations, link, of_cell);
+                for (to, found) in to.found.iter_mut().zip(found) {
+                    to[k] = found;
+                }
+            }
+        }
+    }
+}
