@@ -89,6 +89,8 @@ impl Mover {
 pub(crate) struct LoadedCell {
     pub(crate) cell: usize,
     pub(crate) mover: usize,
+    /// Face of the joint, 0 or 1, on which the cell loads the block.
+    pub(crate) side: usize,
     /// Force and moment per unit of pressure \[m²\], \[m³\].
     pub(crate) arm: Vector6<f64>,
 }
@@ -100,23 +102,31 @@ pub(crate) fn touches(
     of_rock: &[Option<usize>],
 ) -> Vec<LoadedCell> {
     let mut all = Vec::new();
-    for (number, (cell, &joint)) in network.cells.iter().zip(&network.joint_of).enumerate() {
-        let joint = &network.joints[joint];
-        let points = [0, 1].map(|face| joint.face_point(face, &cell.centroid));
-        for ((face, tilt), centre) in joint.faces.iter().zip(&joint.tilts).zip(points) {
-            let Some(mover) = of_rock.get(face.rock).copied().flatten() else {
-                continue;
-            };
-            let force = -tilt * cell.area;
-            let moment = (centre - movers[mover].centroid).cross(&force);
-            all.push(LoadedCell {
-                cell: number,
-                mover,
-                arm: Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z),
-            });
+    for (cell, &joint) in network.joint_of.iter().enumerate() {
+        for (side, face) in network.joints[joint].faces.iter().enumerate() {
+            if let Some(mover) = of_rock.get(face.rock).copied().flatten() {
+                all.push(LoadedCell {
+                    cell,
+                    mover,
+                    side,
+                    arm: arm(network, (cell, side), &movers[mover].centroid),
+                });
+            }
         }
     }
     all
+}
+
+/// Returns force and moment per unit of pressure of a cell on the block at a side of its joint \[m²\], \[m³\].
+pub(crate) fn arm(
+    network: &Network,
+    (cell, side): (usize, usize),
+    centroid: &Vector3<f64>,
+) -> Vector6<f64> {
+    let (joint, cell) = (&network.joints[network.joint_of[cell]], &network.cells[cell]);
+    let force = -joint.tilts[side] * cell.area;
+    let moment = (joint.face_point(side, &cell.centroid) - centroid).cross(&force);
+    Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z)
 }
 
 /// Returns the number of the mover of each block, up to the last that moves.

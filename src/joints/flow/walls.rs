@@ -1,12 +1,33 @@
 //! Gaps, volumes and channels of a network as its blocks move. Joints between blocks that do not move are left as they
 //! are.
 
-use super::JointFlow;
-use crate::motion::{opening, touches};
+use super::{CellSize, JointFlow};
+use crate::cells::Cell;
+use crate::motion::{arm, opening};
 use crate::network::Network;
 use crate::pairs::{Rock, follow};
 use crate::polygon::LinearField;
 use nalgebra::Vector6;
+
+/// Returns the cells of a network for the computation of their volumes.
+pub(super) fn sizes(network: &Network) -> Vec<CellSize> {
+    let size = |(cell, &joint): (&Cell, &usize)| {
+        let corners = cell.outline.corners().iter();
+        let distances = corners.map(|(corner, _)| (corner - cell.centroid).norm());
+        CellSize {
+            area: cell.area,
+            centroid: cell.centroid,
+            radius: distances.fold(0.0, f64::max),
+            joint,
+        }
+    };
+    network
+        .cells
+        .iter()
+        .zip(&network.joint_of)
+        .map(size)
+        .collect()
+}
 
 /// Returns the joints of moving blocks, their links and their cells.
 pub(super) fn moving(network: &Network, of_rock: &[Option<usize>]) -> [Vec<usize>; 3] {
@@ -34,20 +55,34 @@ pub(super) fn moving(network: &Network, of_rock: &[Option<usize>]) -> [Vec<usize
 impl JointFlow {
     /// Computes the volumes of the cells at the present gaps.
     pub(super) fn measure_volumes(&mut self) {
-        for cell in 0..self.network.cells.len() {
+        for cell in 0..self.sizes.len() {
+            self.measure_fill(cell);
             self.measure_volume(cell);
         }
+    }
+
+    /// Computes the volume that follows the walls of a cell without the displacements of the blocks.
+    fn measure_fill(&mut self, number: usize) {
+        let size = &self.sizes[number];
+        self.fills[number] = size.area * self.base_gaps[size.joint].value(&size.centroid);
     }
 
     /// Computes the volumes of a cell at the present gap.
     fn measure_volume(&mut self, number: usize) {
         let residual = self.network.settings.residual_aperture;
-        let (cell, joint) = (&self.network.cells[number], self.network.joint_of[number]);
-        let at = &cell.centroid;
-        self.volumes[number] = cell.outline.integral_above(&self.gaps[joint], residual);
-        self.fills[number] = cell.area * self.base_gaps[joint].value(at);
+        let size = &self.sizes[number];
+        let gap = &self.gaps[size.joint];
+        let middle = gap.value(&size.centroid);
+        // Clearly above the residual aperture everywhere, also after rounding.
+        let open = middle - gap.slope.norm() * size.radius > residual * (1.0 + 1e-9);
+        self.volumes[number] = if open {
+            size.area * middle
+        } else {
+            let outline = &self.network.cells[number].outline;
+            outline.integral_above(gap, residual)
+        };
         // Apart, so that small displacements keep their digits.
-        self.opened[number] = cell.area * self.openings[joint].value(at);
+        self.opened[number] = size.area * self.openings[size.joint].value(&size.centroid);
     }
 
     /// Updates the gap of a joint from the present displacements of its blocks.
@@ -62,13 +97,12 @@ impl JointFlow {
         };
     }
 
-    /// Updates gaps, volumes and coefficients of the joints of moving blocks; those of other joints do not change.
-    pub(super) fn place_moving_walls(&mut self) {
+    /// Updates gaps, volumes and responses in a stage of the joints of moving blocks; those of other joints do not
+    /// change.
+    pub(super) fn place_moving_walls(&mut self, interval: f64) {
         let [joints, links, cells] = std::mem::take(&mut self.moving);
         joints.iter().for_each(|joint| self.place_wall(*joint));
-        for &link in &links {
-            self.channels[link] = self.channel(link);
-        }
+        self.renew_answers(&links, interval);
         cells.iter().for_each(|cell| self.measure_volume(*cell));
         self.moving = [joints, links, cells];
     }
@@ -88,31 +122,39 @@ impl JointFlow {
     /// Sets the positions of the blocks. Each node conserves its water: if the faces differ from the displacements
     /// of the last step, the pressure adjusts in the next step. Displacements are measured from these positions.
     pub fn move_to(&mut self, rocks: &[Rock]) {
-        self.add_water(1.0);
-        self.set_positions(rocks);
-        self.add_water(-1.0);
-    }
-
-    /// Adds the water of the nodes, multiplied by a factor, to their surplus.
-    fn add_water(&mut self, factor: f64) {
-        for (number, surplus) in self.surplus.iter_mut().enumerate() {
-            let (more, _) = self.settings.water.compression(self.pressure[number]);
-            *surplus += factor * self.fills[number];
-            *surplus += factor * self.opened[number];
-            *surplus += factor * self.volumes[number] * more;
+        self.place_blocks(rocks);
+        let [joints, links, cells] = std::mem::take(&mut self.moving);
+        joints.iter().for_each(|joint| self.place_wall(*joint));
+        for &cell in &cells {
+            let before = [self.fills[cell], self.opened[cell], self.volumes[cell]];
+            self.measure_fill(cell);
+            self.measure_volume(cell);
+            let (more, _) = self.settings.water.compression(self.pressure[cell]);
+            let [fill, opened, volume] = before;
+            let moved = (fill - self.fills[cell]) + (opened - self.opened[cell]);
+            self.surplus[cell] += moved + (volume - self.volumes[cell]) * more;
         }
+        self.moving = [joints, links, cells];
     }
 
-    /// Sets the positions of the blocks, from which displacements are measured, and with them volumes and channels.
-    pub fn set_positions(&mut self, rocks: &[Rock]) {
-        for (number, base) in self.base_gaps.iter_mut().enumerate() {
-            *base = follow(&mut self.network.joints[number], rocks);
+    /// Sets the positions of the moving blocks, from which displacements are measured, with the faces of their joints.
+    fn place_blocks(&mut self, rocks: &[Rock]) {
+        for &joint in &self.moving[0] {
+            self.base_gaps[joint] = follow(&mut self.network.joints[joint], rocks);
         }
         for mover in &mut self.movers {
             mover.displacement = Vector6::zeros();
             mover.centroid = rocks[mover.rock].position;
         }
-        self.touches = touches(&self.network, &self.movers, &self.of_rock);
+        for touch in &mut self.touches {
+            let centroid = &self.movers[touch.mover].centroid;
+            touch.arm = arm(&self.network, (touch.cell, touch.side), centroid);
+        }
+    }
+
+    /// Sets the positions of the blocks, from which displacements are measured, and with them volumes and channels.
+    pub fn set_positions(&mut self, rocks: &[Rock]) {
+        self.place_blocks(rocks);
         self.place_walls();
     }
 }
