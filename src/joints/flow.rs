@@ -33,7 +33,7 @@
 
 use crate::friction::Turbulence;
 use crate::ldl::Factors;
-use crate::motion::{FREEDOMS, LoadedCell, Mover, movers_of, touches};
+use crate::motion::{FREEDOMS, Lever, LoadedCell, Mover, movers_of, touches};
 use crate::network::{End, Network};
 use crate::order::dissection;
 use crate::polygon::LinearField;
@@ -92,7 +92,7 @@ pub enum FlowError {
 }
 
 /// Coefficients of a link in the equations.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Channel {
     /// Laminar resistance \[Pa s/m³\].
     resistance: f64,
@@ -100,7 +100,18 @@ struct Channel {
     gain: f64,
     /// Rate `4 nu/a²` of the modes [1/s].
     rate: f64,
-    turbulence: Turbulence,
+}
+
+/// Link, for its coefficients at any gap.
+#[derive(Clone, Copy, Debug)]
+struct LinkShape {
+    joint: usize,
+    /// Start and end in the plane of the joint \[m\].
+    path: [Vector2<f64>; 2],
+    /// Laminar resistance times the cube of the aperture \[Pa s\].
+    resistance: f64,
+    /// Gain of the modes over the aperture \[m²/(Pa s²)\].
+    gain: f64,
 }
 
 /// Linear response of a link in a stage.
@@ -162,7 +173,12 @@ pub struct JointFlow {
     inner: usize,
     /// Weight of the water between the ends of each link, positive along the link \[Pa\].
     lifts: Vec<f64>,
+    shapes: Vec<LinkShape>,
+    /// Rate of the modes times the square of the aperture [m²/s].
+    relaxation: f64,
     channels: Vec<Channel>,
+    /// Coefficients of turbulent friction of each link; none for laminar flow.
+    turbulences: Vec<Turbulence>,
     sizes: Vec<CellSize>,
     gaps: Vec<LinearField>,
     /// Volumes that store by compression \[m³\].
@@ -177,11 +193,10 @@ pub struct JointFlow {
     pressure: Vec<f64>,
     /// Discharges of the modes of each link; none without inertia.
     mode: Vec<[f64; MODES]>,
-    /// Parts of the modes that a stage leaves, the response to the driving pressure that belongs to them, and the
-    /// duration of the stage \[s\]; none if the channels have changed.
-    decays: Vec<[f64; MODES]>,
-    slopes: Vec<f64>,
-    decays_of: Option<f64>,
+    /// Responses of the links whose walls do not move in the next stage, and its duration \[s\]; none if the channels
+    /// have changed.
+    responses: Vec<LinkResponse>,
+    responses_of: Option<f64>,
     discharge: Vec<f64>,
     /// Water that left through each open piece in the last step \[m³\].
     passed: Vec<f64>,
@@ -200,8 +215,9 @@ pub struct JointFlow {
     touches: Vec<LoadedCell>,
     /// Mover of each block.
     of_rock: Vec<Option<usize>>,
-    /// Joints of moving blocks, their links and their cells.
+    /// Joints of moving blocks, their links and their cells; levers of the blocks at these joints.
     moving: [Vec<usize>; 3],
+    levers: Vec<[Option<Lever>; 2]>,
     /// Gaps without the displacements of the blocks, and the change of these gaps by the displacements \[m\].
     base_gaps: Vec<LinearField>,
     openings: Vec<LinearField>,
@@ -269,13 +285,19 @@ impl JointFlow {
             pairs.extend(ROTATION_PAIRS.map(|[a, b]| [first + a, first + b]));
         }
         let modes = if settings.inertia { links } else { 0 };
+        let moving = walls::moving(&network, &of_rock);
+        let levers = |joint: &usize| walls::levers_of(&network, (&movers, &of_rock), *joint);
+        let levers = moving[0].iter().map(levers).collect();
         let mut flow = Self {
             settings,
             modes: Modes::new(),
             ends: network.links.iter().map(links::ends).collect(),
             inner: links - network.open.len(),
             lifts: links::lifts(&network, &settings),
-            channels: Vec::with_capacity(links),
+            shapes: links::shapes(&network, &settings),
+            relaxation: 4.0 * settings.water.viscosity / settings.water.mixture_density(),
+            channels: vec![Channel::default(); links],
+            turbulences: vec![Turbulence::default(); settings.roughness.map_or(0, |_| links)],
             sizes: walls::sizes(&network),
             gaps: network.joints.iter().map(|joint| joint.gap).collect(),
             base_gaps: network.joints.iter().map(|joint| joint.gap).collect(),
@@ -286,9 +308,8 @@ impl JointFlow {
             surplus: vec![0.0; nodes],
             pressure: vec![0.0; nodes],
             mode: vec![[0.0; MODES]; modes],
-            decays: vec![[0.0; MODES]; modes],
-            slopes: vec![0.0; links],
-            decays_of: None,
+            responses: vec![LinkResponse::default(); links],
+            responses_of: None,
             discharge: vec![0.0; links],
             passed: vec![0.0; network.open.len()],
             held: Vec::new(),
@@ -309,14 +330,15 @@ impl JointFlow {
                 first: vec![0.0; unknowns],
                 starts: vec![[Vector6::zeros(); 2]; movers.len()],
             },
-            moving: walls::moving(&network, &of_rock),
+            moving,
+            levers,
             movers,
             touches,
             of_rock,
             network,
         };
         log::debug!("joints: {} entries in the factors", flow.factors.entries());
-        flow.channels = (0..links).map(|link| flow.channel(link)).collect();
+        (0..links).for_each(|link| flow.set_channel(link));
         flow.measure_volumes();
         flow
     }
@@ -381,9 +403,8 @@ impl JointFlow {
     #[must_use]
     pub fn friction(&self, link: usize) -> f64 {
         let (channel, discharge) = (self.channel(link), self.discharge[link]);
-        let (excess, _) = channel
-            .turbulence
-            .excess(discharge.abs(), channel.resistance);
+        let law = self.turbulence(link);
+        let (excess, _) = law.excess(discharge.abs(), channel.resistance);
         channel.resistance * discharge + excess.copysign(discharge)
     }
 
@@ -449,6 +470,7 @@ impl JointFlow {
         self.pressure.copy_from_slice(&state[..nodes]);
         self.discharge.copy_from_slice(&state[nodes..nodes + links]);
         mode.copy_from_slice(&state[modes.clone()]);
+        self.responses_of = None;
         self.surplus.copy_from_slice(&state[modes.end..kept]);
         let (diagonal, pairs) = state[kept + 1..].split_at(unknowns);
         self.keeps = state[kept] > 0.5;

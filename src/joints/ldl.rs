@@ -98,7 +98,13 @@ impl Factors {
                 let size = child.rows.len();
                 end -= size * size;
                 let targets = &panels.targets[child.rows.clone()];
-                add_child(&children[end..end + size * size], targets, panel, values, update);
+                add_child(
+                    &children[end..end + size * size],
+                    targets,
+                    panel,
+                    values,
+                    update,
+                );
             }
             factorise_panel(panel, values)
                 .map_err(|column| Singular(panels.order[panel.first + column]))?;
@@ -137,7 +143,13 @@ impl Factors {
 
 /// Adds the update of a child to the columns of its parent and to the update of the parent. `targets` are the rows of
 /// the child among those of the parent.
-fn add_child(child: &[f64], targets: &[u32], panel: &Panel, values: &mut [f64], update: &mut [f64]) {
+fn add_child(
+    child: &[f64],
+    targets: &[u32],
+    panel: &Panel,
+    values: &mut [f64],
+    update: &mut [f64],
+) {
     let (size, columns, height) = (targets.len(), panel.columns, panel.height());
     let own = height - columns;
     for (column, &to) in targets.iter().enumerate() {
@@ -220,6 +232,13 @@ impl Panel {
     /// Eliminates the unknowns of the panel from a right-hand side `work`.
     fn forward(&self, values: &[f64], below: &[u32], work: &mut [f64], rows: &mut [f64]) {
         let (columns, height) = (self.columns, self.height());
+        if columns == 1 {
+            let number = work[self.first];
+            for (entry, &row) in values[1..].iter().zip(below) {
+                work[row as usize] -= entry * number;
+            }
+            return;
+        }
         let own = &mut work[self.first..self.first + columns];
         for column in 1..columns {
             let number = own[column - 1];
@@ -236,7 +255,8 @@ impl Panel {
             let parts: [f64; COLUMNS] = std::array::from_fn(|k| own[first + k]);
             let [a, b, c, d] = std::array::from_fn(|k| &column(first + k)[..rows.len()]);
             for (at, to) in rows.iter_mut().enumerate() {
-                *to += (parts[0] * a[at] + parts[1] * b[at]) + (parts[2] * c[at] + parts[3] * d[at]);
+                *to +=
+                    (parts[0] * a[at] + parts[1] * b[at]) + (parts[2] * c[at] + parts[3] * d[at]);
             }
         }
         for k in whole..columns {

@@ -34,7 +34,7 @@
 
 use crate::network::Network;
 use crate::polygon::LinearField;
-use nalgebra::{Matrix3, Vector2, Vector3, Vector6};
+use nalgebra::{Matrix3, Vector3, Vector6};
 
 /// Number of degrees of freedom of a block.
 pub const FREEDOMS: usize = 6;
@@ -123,7 +123,10 @@ pub(crate) fn arm(
     (cell, side): (usize, usize),
     centroid: &Vector3<f64>,
 ) -> Vector6<f64> {
-    let (joint, cell) = (&network.joints[network.joint_of[cell]], &network.cells[cell]);
+    let (joint, cell) = (
+        &network.joints[network.joint_of[cell]],
+        &network.cells[cell],
+    );
     let force = -joint.tilts[side] * cell.area;
     let moment = (joint.face_point(side, &cell.centroid) - centroid).cross(&force);
     Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z)
@@ -139,27 +142,44 @@ pub(crate) fn movers_of(movers: &[Mover]) -> Vec<Option<usize>> {
     of_rock
 }
 
-/// Returns the change of the gap of a joint by small displacements of its blocks.
-pub(crate) fn opening(
-    network: &Network,
-    joint: usize,
-    (movers, of_rock): (&[Mover], &[Option<usize>]),
-) -> LinearField {
-    let joint = &network.joints[joint];
-    let mut gap = LinearField::default();
-    let sides = joint.tilts.iter().zip(&joint.heights);
-    for (face, (tilt, height)) in joint.faces.iter().zip(sides) {
-        let number = of_rock.get(face.rock).copied().flatten();
-        if let Some(mover) = number.map(|number| &movers[number]) {
-            let shift = mover.displacement.fixed_rows::<3>(0);
-            let turn: Vector3<f64> = mover.displacement.fixed_rows::<3>(3).into();
-            // The same points of the faces as those of the loads, of which the position is a linear function.
-            let arm = joint.origin + joint.normal * height.constant - mover.centroid;
-            gap.constant -= tilt.dot(&(shift + turn.cross(&arm)));
-            let [u, v] = joint.axes.map(|axis| tilt.dot(&turn.cross(&axis)));
-            let across = tilt.dot(&turn.cross(&joint.normal));
-            gap.slope -= Vector2::new(u, v) + height.slope * across;
+/// Change of the gap of a joint by the motion of one of its blocks, to first order.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Lever {
+    mover: usize,
+    /// Change of the gap at the origin per displacement and rotation \[1\], \[m\].
+    constant: Vector6<f64>,
+    /// Change of the slopes of the gap per rotation \[1/rad\].
+    slopes: [Vector3<f64>; 2],
+}
+
+impl Lever {
+    /// Returns the lever of the block at a side of a joint; none for a block that does not move.
+    pub(crate) fn new(
+        network: &Network,
+        (joint, side): (usize, usize),
+        (movers, of_rock): (&[Mover], &[Option<usize>]),
+    ) -> Option<Self> {
+        let joint = &network.joints[joint];
+        let mover = of_rock.get(joint.faces[side].rock).copied().flatten()?;
+        let (tilt, height) = (&joint.tilts[side], &joint.heights[side]);
+        // The same points of the faces as those of the loads, of which the position is a linear function.
+        let arm = joint.origin + joint.normal * height.constant - movers[mover].centroid;
+        let turn = arm.cross(tilt);
+        let across = joint.normal.cross(tilt);
+        Some(Self {
+            mover,
+            constant: -Vector6::new(tilt.x, tilt.y, tilt.z, turn.x, turn.y, turn.z),
+            slopes: [0, 1].map(|k| -joint.axes[k].cross(tilt) - across * height.slope[k]),
+        })
+    }
+
+    /// Adds the change of the gap by the displacement of the block.
+    pub(crate) fn add(&self, movers: &[Mover], gap: &mut LinearField) {
+        let displacement = &movers[self.mover].displacement;
+        let turn: Vector3<f64> = displacement.fixed_rows::<3>(3).into();
+        gap.constant += self.constant.dot(displacement);
+        for (slope, per_turn) in gap.slope.iter_mut().zip(&self.slopes) {
+            *slope += per_turn.dot(&turn);
         }
     }
-    gap
 }

@@ -170,7 +170,10 @@ impl Panels {
             self.list[number].children = begin..self.children.len();
             held += square(&self.list[number]);
             self.most_updates = self.most_updates.max(held);
-            held -= list.iter().map(|child| square(&self.list[*child])).sum::<usize>();
+            held -= list
+                .iter()
+                .map(|child| square(&self.list[*child]))
+                .sum::<usize>();
             self.most_rows = self.most_rows.max(self.list[number].rows.len());
         }
     }
@@ -292,7 +295,9 @@ fn columns_of_factor(
 ) -> (Vec<usize>, Vec<u32>) {
     let count = parents.len();
     let mut column_starts = vec![0; count + 1];
-    each_entry(parents, starts, rows, |_, column| column_starts[column + 1] += 1);
+    each_entry(parents, starts, rows, |_, column| {
+        column_starts[column + 1] += 1
+    });
     for column in 0..count {
         column_starts[column + 1] += column_starts[column];
     }

@@ -1,6 +1,6 @@
 //! Links of a network in a stage: their response to the pressures, their discharges and modes.
 
-use super::{Channel, FlowSettings, JointFlow, LinkResponse};
+use super::{Channel, FlowSettings, JointFlow, LinkResponse, LinkShape};
 use crate::friction::{Turbulence, cube, inertial, rough};
 use crate::network::{End, Link, Network};
 use crate::slot::{MODES, Modes};
@@ -26,50 +26,73 @@ pub(super) fn lifts(network: &Network, settings: &FlowSettings) -> Vec<f64> {
     network.links.iter().map(lift).collect()
 }
 
-/// Returns the sum of the products of the numbers of modes, in four partial sums.
-fn sum_over_modes(one: &[f64; MODES], other: &[f64; MODES]) -> f64 {
-    let mut sums = [0.0; 4];
-    for mode in 0..MODES {
-        sums[mode % 4] += one[mode] * other[mode];
-    }
-    (sums[0] + sums[1]) + (sums[2] + sums[3])
+/// Returns the links of a network with the properties of the water.
+pub(super) fn shapes(network: &Network, settings: &FlowSettings) -> Vec<LinkShape> {
+    let (viscosity, density) = (settings.water.viscosity, settings.water.mixture_density());
+    let shape = |link: &Link| LinkShape {
+        joint: link.joint,
+        path: link.path,
+        resistance: 12.0 * viscosity * link.length / link.width,
+        gain: link.width / (density * link.length),
+    };
+    network.links.iter().map(shape).collect()
 }
 
-/// Returns the parts of the modes that a stage leaves, for the product of its duration and the rate of the modes, and
-/// the sum of these parts with the weights of the modes.
-fn decays(modes: &Modes, rate: f64) -> ([f64; MODES], f64) {
-    let mut decays = [0.0; MODES];
-    for (decay, own) in decays.iter_mut().zip(&modes.rates) {
-        *decay = 1.0 / (1.0 + rate * own);
+/// Number of partial sums over modes.
+const SUMS: usize = 4;
+
+/// Returns the sum over the modes of the discharge that a stage leaves of their present discharges, and of their
+/// weights. `rate` is the product of the duration of the stage and the rate of the modes.
+#[inline]
+fn respond(modes: &Modes, mode: &[f64; MODES], rate: f64) -> [f64; 2] {
+    let mut sums = [[0.0; SUMS]; 2];
+    for first in (0..MODES).step_by(SUMS) {
+        for k in 0..SUMS {
+            let left = 1.0 / (1.0 + rate * modes.rates[first + k]);
+            sums[0][k] += mode[first + k] * left;
+            sums[1][k] += modes.weights[first + k] * left;
+        }
     }
-    (decays, sum_over_modes(&modes.weights, &decays))
+    sums.map(|sums| (sums[0] + sums[1]) + (sums[2] + sums[3]))
 }
 
 impl JointFlow {
     /// Returns the coefficients of a link at the present gaps.
     pub(super) fn channel(&self, link: usize) -> Channel {
-        let network = &self.network;
-        let link = &network.links[link];
-        let (water, gap) = (&self.settings.water, &self.gaps[link.joint]);
-        let apertures = link
-            .path
-            .map(|at| gap.value(&at).max(network.settings.residual_aperture));
+        let shape = &self.shapes[link];
+        let gap = &self.gaps[shape.joint];
+        let residual = self.network.settings.residual_aperture;
+        let apertures = shape.path.map(|at| gap.value(&at).max(residual));
         let (cube, inertial) = (cube(apertures), inertial(apertures));
-        let density = water.mixture_density();
-        let per_width = 12.0 * water.viscosity * link.length / cube;
-        let turbulence = match self.settings.roughness {
-            Some(roughness) => Turbulence {
-                reynolds: 2.0 * density / (water.viscosity * link.width),
-                scale: density * link.length / (4.0 * link.width * link.width * cube),
-                rough: rough(roughness, cube.cbrt()),
-            },
-            None => Turbulence::default(),
-        };
         Channel {
-            resistance: per_width / link.width,
-            gain: link.width * inertial / (density * link.length),
-            rate: 4.0 * water.viscosity / density * inertial / cube,
-            turbulence,
+            resistance: shape.resistance / cube,
+            gain: shape.gain * inertial,
+            rate: self.relaxation * inertial / cube,
+        }
+    }
+
+    /// Returns the coefficients of turbulent friction of a link at the present gaps; those of laminar flow without a
+    /// roughness.
+    pub(super) fn turbulence(&self, link: usize) -> Turbulence {
+        let Some(roughness) = self.settings.roughness else {
+            return Turbulence::default();
+        };
+        let width = self.network.links[link].width;
+        let water = &self.settings.water;
+        let shape = &self.shapes[link];
+        let cube = shape.resistance / self.channel(link).resistance;
+        Turbulence {
+            reynolds: 2.0 * water.mixture_density() / (water.viscosity * width),
+            scale: 1.0 / (4.0 * width * shape.gain * cube),
+            rough: rough(roughness, cube.cbrt()),
+        }
+    }
+
+    /// Updates the coefficients of a link at the present gaps.
+    pub(super) fn set_channel(&mut self, link: usize) {
+        self.channels[link] = self.channel(link);
+        if self.settings.roughness.is_some() {
+            self.turbulences[link] = self.turbulence(link);
         }
     }
 
@@ -83,23 +106,22 @@ impl JointFlow {
 
     /// Computes the responses of all links for a stage of this duration \[s\] from the initial modes.
     pub(super) fn prepare_answers(&mut self, interval: f64) {
-        if self.decays_of != Some(interval) {
+        if self.responses_of != Some(interval) {
             for link in 0..self.channels.len() {
-                self.set_decays(link, interval);
+                self.responses[link] = self.response(link, interval);
             }
-            self.decays_of = Some(interval);
+            self.responses_of = Some(interval);
         }
         for link in 0..self.channels.len() {
-            self.work.answers[link] = self.answer(link);
+            self.work.answers[link] = self.answer(link, self.responses[link]);
         }
     }
 
     /// Computes the responses of links whose channels have changed.
     pub(super) fn renew_answers(&mut self, links: &[usize], interval: f64) {
         for &link in links {
-            self.channels[link] = self.channel(link);
-            self.set_decays(link, interval);
-            self.work.answers[link] = self.answer(link);
+            self.set_channel(link);
+            self.work.answers[link] = self.answer(link, self.response(link, interval));
         }
     }
 
@@ -115,26 +137,29 @@ impl JointFlow {
         }
     }
 
-    /// Computes the parts of the modes of a link that a stage of this duration \[s\] leaves, and its response.
-    fn set_decays(&mut self, link: usize, interval: f64) {
+    /// Returns the response of a link to the pressures in a stage of this duration \[s\] without the weight of the water
+    /// and the water outside.
+    fn response(&self, link: usize, interval: f64) -> LinkResponse {
         let channel = &self.channels[link];
         if !self.settings.inertia {
-            self.slopes[link] = 1.0 / channel.resistance;
-            return;
+            return LinkResponse {
+                free: 0.0,
+                slope: 1.0 / channel.resistance,
+            };
         }
-        let (decays, sum) = decays(&self.modes, interval * channel.rate);
-        self.decays[link] = decays;
-        self.slopes[link] = sum * interval * channel.gain;
+        let [free, sum] = respond(&self.modes, &self.mode[link], interval * channel.rate);
+        LinkResponse {
+            free,
+            slope: sum * interval * channel.gain,
+        }
     }
 
-    /// Returns the response of a link in a stage.
-    fn answer(&self, link: usize) -> LinkResponse {
-        let mut slope = self.slopes[link];
-        let mut free = if self.settings.inertia {
-            sum_over_modes(&self.mode[link], &self.decays[link])
-        } else {
-            0.0
-        };
+    /// Returns the response of a link with the weight of the water and the water outside.
+    fn answer(&self, link: usize, response: LinkResponse) -> LinkResponse {
+        let LinkResponse {
+            mut free,
+            mut slope,
+        } = response;
         let resistance = self.outside(link);
         if resistance > 0.0 {
             let part = 1.0 / (1.0 + slope * resistance);
@@ -163,10 +188,13 @@ impl JointFlow {
         let Some(difference) = self.difference(link, pressure) else {
             return (0.0, 0.0);
         };
-        let (answer, channel) = (self.work.answers[link], &self.channels[link]);
+        let answer = self.work.answers[link];
         let laminar = answer.free + answer.slope * difference;
-        let law = &channel.turbulence;
-        let (discharge, part) = law.discharge(laminar, answer.slope, channel.resistance);
+        let Some(law) = self.turbulences.get(link) else {
+            return (laminar, answer.slope);
+        };
+        let resistance = self.channels[link].resistance;
+        let (discharge, part) = law.discharge(laminar, answer.slope, resistance);
         (discharge, part * answer.slope)
     }
 
@@ -202,27 +230,30 @@ impl JointFlow {
             return;
         }
         let mut modes = std::mem::take(&mut self.mode);
-        let weights = &self.modes.weights;
+        let Modes { weights, rates } = &self.modes;
         for (link, modes) in modes.iter_mut().enumerate() {
             let (channel, discharge) = (&self.channels[link], self.discharge[link]);
-            let (excess, _) = channel
-                .turbulence
-                .excess(discharge.abs(), channel.resistance);
-            let lost = excess.copysign(discharge) + self.outside(link) * discharge;
+            let mut lost = self.outside(link) * discharge;
+            if let Some(law) = self.turbulences.get(link) {
+                let (excess, _) = law.excess(discharge.abs(), channel.resistance);
+                lost += excess.copysign(discharge);
+            }
             let difference = self.difference(link, &self.pressure);
             let drive = difference.map_or(0.0, |difference| difference + self.lifts[link] - lost);
             let gain = interval * channel.gain * drive;
-            let decays = &self.decays[link];
-            let after = |mode: usize, before: f64| (before + gain * weights[mode]) * decays[mode];
-            if let Some(carried) = carried {
-                for mode in 0..MODES {
-                    modes[mode] += carried * (after(mode, modes[mode]) - modes[mode]);
-                }
-            } else {
-                for mode in 0..MODES {
-                    modes[mode] = after(mode, modes[mode]);
+            let rate = interval * channel.rate;
+            // The response of the next stage, if the walls stay where they are.
+            let mut sums = [0.0; SUMS];
+            for first in (0..MODES).step_by(SUMS) {
+                for k in 0..SUMS {
+                    let (mode, weight) = (&mut modes[first + k], weights[first + k]);
+                    let left = 1.0 / (1.0 + rate * rates[first + k]);
+                    let after = (*mode + gain * weight) * left;
+                    *mode = carried.map_or(after, |carried| *mode + carried * (after - *mode));
+                    sums[k] += *mode * left;
                 }
             }
+            self.responses[link].free = (sums[0] + sums[1]) + (sums[2] + sums[3]);
         }
         self.mode = modes;
     }

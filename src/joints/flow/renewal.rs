@@ -55,6 +55,7 @@ impl JointFlow {
         next.take_pressures(self);
         next.take_surplus(self);
         next.take_discharges(self);
+        next.responses_of = None;
         let returned = next.returned_from_lattice(self);
         *self = next;
         let mut water = ExactSum::new();

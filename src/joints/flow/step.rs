@@ -53,6 +53,7 @@ impl JointFlow {
         // The matrices of steps in time are others.
         self.keeps = false;
         self.set_steady_modes();
+        self.responses_of = None;
         Ok(StepReport {
             newton,
             ..StepReport::default()

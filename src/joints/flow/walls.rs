@@ -3,7 +3,7 @@
 
 use super::{CellSize, JointFlow};
 use crate::cells::Cell;
-use crate::motion::{arm, opening};
+use crate::motion::{Lever, Mover, arm};
 use crate::network::Network;
 use crate::pairs::{Rock, follow};
 use crate::polygon::LinearField;
@@ -52,6 +52,15 @@ pub(super) fn moving(network: &Network, of_rock: &[Option<usize>]) -> [Vec<usize
     ]
 }
 
+/// Returns the levers of the blocks at both sides of a joint.
+pub(super) fn levers_of(
+    network: &Network,
+    movers: (&[Mover], &[Option<usize>]),
+    joint: usize,
+) -> [Option<Lever>; 2] {
+    [0, 1].map(|side| Lever::new(network, (joint, side), movers))
+}
+
 impl JointFlow {
     /// Computes the volumes of the cells at the present gaps.
     pub(super) fn measure_volumes(&mut self) {
@@ -85,10 +94,13 @@ impl JointFlow {
         self.opened[number] = size.area * self.openings[size.joint].value(&size.centroid);
     }
 
-    /// Updates the gap of a joint from the present displacements of its blocks.
-    fn place_wall(&mut self, joint: usize) {
-        let movers = (&self.movers[..], &self.of_rock[..]);
-        let opening = opening(&self.network, joint, movers);
+    /// Updates the gap of a joint of moving blocks, by its number among them, from their present displacements.
+    fn place_wall(&mut self, number: usize) {
+        let joint = self.moving[0][number];
+        let mut opening = LinearField::default();
+        for lever in self.levers[number].iter().flatten() {
+            lever.add(&self.movers, &mut opening);
+        }
         let base = &self.base_gaps[joint];
         self.openings[joint] = opening;
         self.gaps[joint] = LinearField {
@@ -100,8 +112,8 @@ impl JointFlow {
     /// Updates gaps, volumes and responses in a stage of the joints of moving blocks; those of other joints do not
     /// change.
     pub(super) fn place_moving_walls(&mut self, interval: f64) {
+        (0..self.levers.len()).for_each(|number| self.place_wall(number));
         let [joints, links, cells] = std::mem::take(&mut self.moving);
-        joints.iter().for_each(|joint| self.place_wall(*joint));
         self.renew_answers(&links, interval);
         cells.iter().for_each(|cell| self.measure_volume(*cell));
         self.moving = [joints, links, cells];
@@ -109,13 +121,12 @@ impl JointFlow {
 
     /// Updates gaps, volumes and coefficients from the present displacements of the blocks.
     pub(super) fn place_walls(&mut self) {
-        for joint in 0..self.base_gaps.len() {
-            self.place_wall(joint);
-        }
+        self.gaps.copy_from_slice(&self.base_gaps);
+        (0..self.levers.len()).for_each(|number| self.place_wall(number));
         for link in 0..self.channels.len() {
-            self.channels[link] = self.channel(link);
+            self.set_channel(link);
         }
-        self.decays_of = None;
+        self.responses_of = None;
         self.measure_volumes();
     }
 
@@ -123,8 +134,8 @@ impl JointFlow {
     /// of the last step, the pressure adjusts in the next step. Displacements are measured from these positions.
     pub fn move_to(&mut self, rocks: &[Rock]) {
         self.place_blocks(rocks);
+        (0..self.levers.len()).for_each(|number| self.place_wall(number));
         let [joints, links, cells] = std::mem::take(&mut self.moving);
-        joints.iter().for_each(|joint| self.place_wall(*joint));
         for &cell in &cells {
             let before = [self.fills[cell], self.opened[cell], self.volumes[cell]];
             self.measure_fill(cell);
@@ -145,6 +156,10 @@ impl JointFlow {
         for mover in &mut self.movers {
             mover.displacement = Vector6::zeros();
             mover.centroid = rocks[mover.rock].position;
+        }
+        let movers = (&self.movers[..], &self.of_rock[..]);
+        for (levers, &joint) in self.levers.iter_mut().zip(&self.moving[0]) {
+            *levers = levers_of(&self.network, movers, joint);
         }
         for touch in &mut self.touches {
             let centroid = &self.movers[touch.mover].centroid;
