@@ -215,8 +215,9 @@ pub struct JointFlow {
     touches: Vec<LoadedCell>,
     /// Mover of each block.
     of_rock: Vec<Option<usize>>,
-    /// Joints of moving blocks, their links and their cells; levers of the blocks at these joints.
-    moving: [Vec<usize>; 3],
+    /// Joints of moving blocks and their cells; `true` for each of their links; levers of the blocks at these joints.
+    moving: [Vec<usize>; 2],
+    link_moves: Vec<bool>,
     levers: Vec<[Option<Lever>; 2]>,
     /// Gaps without the displacements of the blocks, and the change of these gaps by the displacements \[m\].
     base_gaps: Vec<LinearField>,
@@ -285,7 +286,7 @@ impl JointFlow {
             pairs.extend(ROTATION_PAIRS.map(|[a, b]| [first + a, first + b]));
         }
         let modes = if settings.inertia { links } else { 0 };
-        let moving = walls::moving(&network, &of_rock);
+        let (moving, link_moves) = walls::moving(&network, &of_rock);
         let levers = |joint: &usize| walls::levers_of(&network, (&movers, &of_rock), *joint);
         let levers = moving[0].iter().map(levers).collect();
         let mut flow = Self {
@@ -331,6 +332,7 @@ impl JointFlow {
                 starts: vec![[Vector6::zeros(); 2]; movers.len()],
             },
             moving,
+            link_moves,
             levers,
             movers,
             touches,

@@ -278,17 +278,40 @@ impl Panel {
             *number = work[row as usize];
         }
         let own = &mut work[self.first..self.first + columns];
-        for column in (0..columns).rev() {
-            let entries = &values[column * height..(column + 1) * height];
-            let (above, later) = own.split_at_mut(column + 1);
-            let pivot = entries[column];
-            let inner = product(&entries[column + 1..columns], later);
-            above[column] = above[column] / pivot - inner - product(&entries[columns..], rows);
+        let column = |k: usize| &values[k * height..(k + 1) * height];
+        for (k, number) in own.iter_mut().enumerate() {
+            *number /= column(k)[k];
+        }
+        let whole = columns / COLUMNS * COLUMNS;
+        for first in (0..whole).step_by(COLUMNS) {
+            let [a, b, c, d] =
+                std::array::from_fn(|k| &column(first + k)[columns..columns + rows.len()]);
+            let mut sums = [[0.0; 2]; COLUMNS];
+            for (at, numbers) in rows.chunks(2).enumerate() {
+                for (half, number) in numbers.iter().enumerate() {
+                    let at = 2 * at + half;
+                    sums[0][half] += a[at] * number;
+                    sums[1][half] += b[at] * number;
+                    sums[2][half] += c[at] * number;
+                    sums[3][half] += d[at] * number;
+                }
+            }
+            for (number, sums) in own[first..].iter_mut().zip(sums) {
+                *number -= sums[0] + sums[1];
+            }
+        }
+        for k in whole..columns {
+            own[k] -= product(&column(k)[columns..], rows);
+        }
+        for k in (0..columns).rev() {
+            let (above, later) = own.split_at_mut(k + 1);
+            above[k] -= product(&column(k)[k + 1..columns], later);
         }
     }
 }
 
 /// Returns the sum of the products of two lists, in four partial sums.
+#[inline]
 fn product(one: &[f64], other: &[f64]) -> f64 {
     let mut sums = [0.0; COLUMNS];
     let (ones, others) = (one.chunks_exact(COLUMNS), other.chunks_exact(COLUMNS));

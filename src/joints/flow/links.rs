@@ -4,6 +4,7 @@ use super::{Channel, FlowSettings, JointFlow, LinkResponse, LinkShape};
 use crate::friction::{Turbulence, cube, inertial, rough};
 use crate::network::{End, Link, Network};
 use crate::slot::{MODES, Modes};
+use base::thread_pool::{each_of, evenly, threads};
 
 /// Returns the ends of a link: two nodes, or a node and an open piece.
 pub(super) fn ends(link: &Link) -> [u32; 2] {
@@ -40,6 +41,13 @@ pub(super) fn shapes(network: &Network, settings: &FlowSettings) -> Vec<LinkShap
 
 /// Number of partial sums over modes.
 const SUMS: usize = 4;
+/// Minimum number of links of a thread.
+const LINKS_OF_THREAD: usize = 1500;
+
+/// Returns the number of pieces of work for a number of links.
+fn pieces(links: usize) -> usize {
+    threads().min(links / LINKS_OF_THREAD).max(1)
+}
 
 /// Returns the sum over the modes of the discharge that a stage leaves of their present discharges, and of their
 /// weights. `rate` is the product of the duration of the stage and the rate of the modes.
@@ -108,7 +116,7 @@ impl JointFlow {
     pub(super) fn prepare_answers(&mut self, interval: f64) {
         if self.responses_of != Some(interval) {
             for link in 0..self.channels.len() {
-                self.responses[link] = self.response(link, interval);
+                self.responses[link] = self.response(link, &self.channels[link], interval);
             }
             self.responses_of = Some(interval);
         }
@@ -117,12 +125,35 @@ impl JointFlow {
         }
     }
 
-    /// Computes the responses of links whose channels have changed.
-    pub(super) fn renew_answers(&mut self, links: &[usize], interval: f64) {
-        for &link in links {
-            self.set_channel(link);
-            self.work.answers[link] = self.answer(link, self.response(link, interval));
-        }
+    /// Computes the channels of the links of moving blocks at the present gaps, and their responses.
+    pub(super) fn renew_answers(&mut self, interval: f64) {
+        let mut channels = std::mem::take(&mut self.channels);
+        let mut answers = std::mem::take(&mut self.work.answers);
+        let mut turbulences = std::mem::take(&mut self.turbulences);
+        let (count, rough) = (channels.len(), !turbulences.is_empty());
+        let pieces = pieces(count);
+        let shared = (
+            evenly(&mut channels, pieces),
+            evenly(&mut answers, pieces),
+            evenly(&mut turbulences, pieces),
+        );
+        each_of(pieces, shared, |piece, (channels, answers, turbulences)| {
+            let links = channels.iter_mut().zip(answers).enumerate();
+            for (at, (channel, answer)) in links {
+                let link = count * piece / pieces + at;
+                if !self.link_moves[link] {
+                    continue;
+                }
+                *channel = self.channel(link);
+                *answer = self.answer(link, self.response(link, channel, interval));
+                if rough {
+                    turbulences[at] = self.turbulence(link);
+                }
+            }
+        });
+        self.channels = channels;
+        self.work.answers = answers;
+        self.turbulences = turbulences;
     }
 
     /// Sets the responses of all links to those of steady flow.
@@ -139,8 +170,7 @@ impl JointFlow {
 
     /// Returns the response of a link to the pressures in a stage of this duration \[s\] without the weight of the water
     /// and the water outside.
-    fn response(&self, link: usize, interval: f64) -> LinkResponse {
-        let channel = &self.channels[link];
+    fn response(&self, link: usize, channel: &Channel, interval: f64) -> LinkResponse {
         if !self.settings.inertia {
             return LinkResponse {
                 free: 0.0,
@@ -230,32 +260,52 @@ impl JointFlow {
             return;
         }
         let mut modes = std::mem::take(&mut self.mode);
-        let Modes { weights, rates } = &self.modes;
-        for (link, modes) in modes.iter_mut().enumerate() {
-            let (channel, discharge) = (&self.channels[link], self.discharge[link]);
-            let mut lost = self.outside(link) * discharge;
-            if let Some(law) = self.turbulences.get(link) {
-                let (excess, _) = law.excess(discharge.abs(), channel.resistance);
-                lost += excess.copysign(discharge);
+        let mut responses = std::mem::take(&mut self.responses);
+        let count = modes.len();
+        let pieces = pieces(count);
+        let shared = (evenly(&mut modes, pieces), evenly(&mut responses, pieces));
+        each_of(pieces, shared, |piece, (modes, responses)| {
+            let links = modes.iter_mut().zip(responses).enumerate();
+            for (at, (modes, response)) in links {
+                let link = count * piece / pieces + at;
+                response.free = self.end_modes(link, interval, carried, modes);
             }
-            let difference = self.difference(link, &self.pressure);
-            let drive = difference.map_or(0.0, |difference| difference + self.lifts[link] - lost);
-            let gain = interval * channel.gain * drive;
-            let rate = interval * channel.rate;
-            // The response of the next stage, if the walls stay where they are.
-            let mut sums = [0.0; SUMS];
-            for first in (0..MODES).step_by(SUMS) {
-                for k in 0..SUMS {
-                    let (mode, weight) = (&mut modes[first + k], weights[first + k]);
-                    let left = 1.0 / (1.0 + rate * rates[first + k]);
-                    let after = (*mode + gain * weight) * left;
-                    *mode = carried.map_or(after, |carried| *mode + carried * (after - *mode));
-                    sums[k] += *mode * left;
-                }
-            }
-            self.responses[link].free = (sums[0] + sums[1]) + (sums[2] + sums[3]);
-        }
+        });
         self.mode = modes;
+        self.responses = responses;
+    }
+
+    /// Computes the modes of a link at the end of a stage ([`Self::set_modes`]); returns the discharge that they leave in
+    /// the next one, if the walls stay where they are.
+    fn end_modes(
+        &self,
+        link: usize,
+        interval: f64,
+        carried: Option<f64>,
+        modes: &mut [f64; MODES],
+    ) -> f64 {
+        let Modes { weights, rates } = &self.modes;
+        let (channel, discharge) = (&self.channels[link], self.discharge[link]);
+        let mut lost = self.outside(link) * discharge;
+        if let Some(law) = self.turbulences.get(link) {
+            let (excess, _) = law.excess(discharge.abs(), channel.resistance);
+            lost += excess.copysign(discharge);
+        }
+        let difference = self.difference(link, &self.pressure);
+        let drive = difference.map_or(0.0, |difference| difference + self.lifts[link] - lost);
+        let gain = interval * channel.gain * drive;
+        let rate = interval * channel.rate;
+        let mut sums = [0.0; SUMS];
+        for first in (0..MODES).step_by(SUMS) {
+            for k in 0..SUMS {
+                let (mode, weight) = (&mut modes[first + k], weights[first + k]);
+                let left = 1.0 / (1.0 + rate * rates[first + k]);
+                let after = (*mode + gain * weight) * left;
+                *mode = carried.map_or(after, |carried| *mode + carried * (after - *mode));
+                sums[k] += *mode * left;
+            }
+        }
+        (sums[0] + sums[1]) + (sums[2] + sums[3])
     }
 
     /// Sets the modes of all links to those of the present discharges in steady flow.

@@ -29,8 +29,8 @@ pub(super) fn sizes(network: &Network) -> Vec<CellSize> {
         .collect()
 }
 
-/// Returns the joints of moving blocks, their links and their cells.
-pub(super) fn moving(network: &Network, of_rock: &[Option<usize>]) -> [Vec<usize>; 3] {
+/// Returns the joints of moving blocks and their cells, and `true` for each of their links.
+pub(super) fn moving(network: &Network, of_rock: &[Option<usize>]) -> ([Vec<usize>; 2], Vec<bool>) {
     let moves = |rock: usize| of_rock.get(rock).copied().flatten().is_some();
     let of = |joint: usize| {
         network.joints[joint]
@@ -38,18 +38,10 @@ pub(super) fn moving(network: &Network, of_rock: &[Option<usize>]) -> [Vec<usize
             .iter()
             .any(|face| moves(face.rock))
     };
-    let (links, cells) = (network.links.len(), network.cells.len());
-    [
-        (0..network.joints.len())
-            .filter(|joint| of(*joint))
-            .collect(),
-        (0..links)
-            .filter(|link| of(network.links[*link].joint))
-            .collect(),
-        (0..cells)
-            .filter(|cell| of(network.joint_of[*cell]))
-            .collect(),
-    ]
+    let joints = (0..network.joints.len()).filter(|joint| of(*joint));
+    let cells = (0..network.cells.len()).filter(|cell| of(network.joint_of[*cell]));
+    let links = network.links.iter().map(|link| of(link.joint));
+    ([joints.collect(), cells.collect()], links.collect())
 }
 
 /// Returns the levers of the blocks at both sides of a joint.
@@ -113,10 +105,10 @@ impl JointFlow {
     /// change.
     pub(super) fn place_moving_walls(&mut self, interval: f64) {
         (0..self.levers.len()).for_each(|number| self.place_wall(number));
-        let [joints, links, cells] = std::mem::take(&mut self.moving);
-        self.renew_answers(&links, interval);
+        self.renew_answers(interval);
+        let [joints, cells] = std::mem::take(&mut self.moving);
         cells.iter().for_each(|cell| self.measure_volume(*cell));
-        self.moving = [joints, links, cells];
+        self.moving = [joints, cells];
     }
 
     /// Updates gaps, volumes and coefficients from the present displacements of the blocks.
@@ -135,7 +127,7 @@ impl JointFlow {
     pub fn move_to(&mut self, rocks: &[Rock]) {
         self.place_blocks(rocks);
         (0..self.levers.len()).for_each(|number| self.place_wall(number));
-        let [joints, links, cells] = std::mem::take(&mut self.moving);
+        let [joints, cells] = std::mem::take(&mut self.moving);
         for &cell in &cells {
             let before = [self.fills[cell], self.opened[cell], self.volumes[cell]];
             self.measure_fill(cell);
@@ -145,7 +137,7 @@ impl JointFlow {
             let moved = (fill - self.fills[cell]) + (opened - self.opened[cell]);
             self.surplus[cell] += moved + (volume - self.volumes[cell]) * more;
         }
-        self.moving = [joints, links, cells];
+        self.moving = [joints, cells];
     }
 
     /// Sets the positions of the moving blocks, from which displacements are measured, with the faces of their joints.
