@@ -55,7 +55,7 @@ const ROTATION_PAIRS: [[usize; 2]; 3] = [[3, 4], [3, 5], [4, 5]];
 /// Diagonal of the two stages.
 const DIAGONAL: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
 /// Largest system whose unknowns are eliminated in the order of their degree.
-const SMALL_SYSTEM: usize = 4000;
+const SMALL_SYSTEM: usize = 10_000;
 
 /// Settings of a flow.
 #[derive(Clone, Copy, Debug, PartialEq)]

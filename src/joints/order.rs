@@ -9,7 +9,7 @@ use crate::ldl::minimum_degree;
 use nalgebra::Vector3;
 
 /// Largest set that minimum degree orders.
-const LEAF: usize = 200;
+const LEAF: usize = 600;
 /// Number of places, in addition to the middle, at which a set may be divided.
 const STEPS: usize = 6;
 
