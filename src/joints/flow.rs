@@ -24,25 +24,30 @@
 //! width. The method is stable for any time step. A stage is a nonlinear system for the pressures only: the modes
 //! are eliminated link by link. Newton's method solves it with direct factors ([`crate::ldl`]); with turbulent
 //! friction it halves a step that does not reduce the imbalance. The factors are kept from iteration to iteration and
-//! from step to step as long as each change is a small part of the last one (`newton`).
+//! from step to step as long as each iteration removes most of the imbalance (`newton`). A stage ends when its error is a
+//! small part of its change; the water that is missing in the balance of a node is added to that of the next step, so
+//! that the sum is closed to rounding.
 //!
-//! **The state** consists of the pressure of each node, the modes of each link and the matrix of the factors, equal on
-//! every rank.
+//! **The state** consists of the pressure of each node, the modes of each link, the missing water of each node and the
+//! matrix of the factors, equal on every rank.
 
-use crate::friction::{Turbulence, cube, inertial, rough};
+use crate::friction::Turbulence;
 use crate::ldl::Factors;
-use crate::motion::{FREEDOMS, LoadedCell, Mover, movers_of, touches};
+use crate::motion::{FREEDOMS, Lever, LoadedCell, Mover, movers_of, touches};
 use crate::network::{End, Network};
 use crate::order::dissection;
 use crate::polygon::LinearField;
 use crate::slot::{MODES, Modes};
 use crate::water::Mixture;
 use decomposition::ExactSum;
-use nalgebra::{Vector3, Vector6};
+use nalgebra::{Vector2, Vector3, Vector6};
 
+mod balance;
+mod links;
 mod memory;
 mod newton;
 mod renewal;
+mod step;
 mod walls;
 
 /// Pairs of rotational degrees of freedom of a block.
@@ -50,7 +55,7 @@ const ROTATION_PAIRS: [[usize; 2]; 3] = [[3, 4], [3, 5], [4, 5]];
 /// Diagonal of the two stages.
 const DIAGONAL: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
 /// Largest system whose unknowns are eliminated in the order of their degree.
-const SMALL_SYSTEM: usize = 4000;
+const SMALL_SYSTEM: usize = 10_000;
 
 /// Settings of a flow.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -87,26 +92,45 @@ pub enum FlowError {
 }
 
 /// Coefficients of a link in the equations.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Channel {
-    /// Weight of the water between the ends of the link, positive along the link \[Pa\].
-    lift: f64,
     /// Laminar resistance \[Pa s/m³\].
     resistance: f64,
     /// Total gain `w a/(rho L)` of all modes [m³/(Pa s²)].
     gain: f64,
     /// Rate `4 nu/a²` of the modes [1/s].
     rate: f64,
-    turbulence: Turbulence,
+}
+
+/// Link, for its coefficients at any gap.
+#[derive(Clone, Copy, Debug)]
+struct LinkShape {
+    joint: usize,
+    /// Start and end in the plane of the joint \[m\].
+    path: [Vector2<f64>; 2],
+    /// Laminar resistance times the cube of the aperture \[Pa s\].
+    resistance: f64,
+    /// Gain of the modes over the aperture \[m²/(Pa s²)\].
+    gain: f64,
 }
 
 /// Linear response of a link in a stage.
 #[derive(Clone, Copy, Debug, Default)]
 struct LinkResponse {
-    /// Discharge at zero driving pressure \[m³/s\].
+    /// Laminar discharge at equal pressures at both ends \[m³/s\].
     free: f64,
     /// Derivative of the laminar discharge with respect to the driving pressure \[m³/(Pa s)\].
     slope: f64,
+}
+
+/// Cell of a joint, for its volume.
+#[derive(Clone, Copy, Debug)]
+struct CellSize {
+    area: f64,
+    centroid: Vector2<f64>,
+    /// Largest distance of a corner from the centroid \[m\].
+    radius: f64,
+    joint: usize,
 }
 
 /// Boundary conditions of the network during a step.
@@ -135,8 +159,6 @@ pub struct StepReport {
     pub factorisations: usize,
     /// Volume of water that entered through open edges, at atmospheric density \[m³\].
     pub entered: f64,
-    /// Change of the water volume in the network that is not due to discharges \[m³\].
-    pub imbalance: f64,
 }
 
 /// Pressures and discharges of a network.
@@ -145,7 +167,19 @@ pub struct JointFlow {
     settings: FlowSettings,
     network: Network,
     modes: Modes,
+    /// Nodes at the ends of each link; for links to open pieces, which come last, the node and the piece.
+    ends: Vec<[u32; 2]>,
+    /// Number of links between nodes.
+    inner: usize,
+    /// Weight of the water between the ends of each link, positive along the link \[Pa\].
+    lifts: Vec<f64>,
+    shapes: Vec<LinkShape>,
+    /// Rate of the modes times the square of the aperture [m²/s].
+    relaxation: f64,
     channels: Vec<Channel>,
+    /// Coefficients of turbulent friction of each link; none for laminar flow.
+    turbulences: Vec<Turbulence>,
+    sizes: Vec<CellSize>,
     gaps: Vec<LinearField>,
     /// Volumes that store by compression \[m³\].
     volumes: Vec<f64>,
@@ -153,14 +187,16 @@ pub struct JointFlow {
     /// displacements \[m³\].
     fills: Vec<f64>,
     opened: Vec<f64>,
-    /// Water of the nodes in excess of their volumes and pressures, after blocks were placed \[m³\].
+    /// Water of the nodes in excess of their volumes and pressures \[m³\]: what the last step left, and what blocks
+    /// that were placed displaced.
     surplus: Vec<f64>,
     pressure: Vec<f64>,
-    /// Discharges of the modes, link after link; none without inertia.
-    mode: Vec<f64>,
-    /// Parts of the modes that a stage leaves, and its duration \[s\]; none if the channels have changed.
-    decays: Vec<f64>,
-    decays_of: Option<f64>,
+    /// Discharges of the modes of each link; none without inertia.
+    mode: Vec<[f64; MODES]>,
+    /// Responses of the links whose walls do not move in the next stage, and its duration \[s\]; none if the channels
+    /// have changed.
+    responses: Vec<LinkResponse>,
+    responses_of: Option<f64>,
     discharge: Vec<f64>,
     /// Water that left through each open piece in the last step \[m³\].
     passed: Vec<f64>,
@@ -179,8 +215,10 @@ pub struct JointFlow {
     touches: Vec<LoadedCell>,
     /// Mover of each block.
     of_rock: Vec<Option<usize>>,
-    /// Joints of moving blocks, their links and their cells.
-    moving: [Vec<usize>; 3],
+    /// Joints of moving blocks and their cells; `true` for each of their links; levers of the blocks at these joints.
+    moving: [Vec<usize>; 2],
+    link_moves: Vec<bool>,
+    levers: Vec<[Option<Lever>; 2]>,
     /// Gaps without the displacements of the blocks, and the change of these gaps by the displacements \[m\].
     base_gaps: Vec<LinearField>,
     openings: Vec<LinearField>,
@@ -208,10 +246,7 @@ struct Work {
     /// Volumes that follow the walls, at the start of the step \[m³\].
     before: Vec<f64>,
     opened: Vec<f64>,
-    mode_base: Vec<f64>,
     imbalance: Vec<f64>,
-    diagonal: Vec<f64>,
-    pairs: Vec<f64>,
     trial: Vec<f64>,
     net: Vec<f64>,
     /// First iterate of a stage.
@@ -250,11 +285,21 @@ impl JointFlow {
             let first = nodes + FREEDOMS * mover;
             pairs.extend(ROTATION_PAIRS.map(|[a, b]| [first + a, first + b]));
         }
-        let modes = if settings.inertia { links * MODES } else { 0 };
+        let modes = if settings.inertia { links } else { 0 };
+        let (moving, link_moves) = walls::moving(&network, &of_rock);
+        let levers = |joint: &usize| walls::levers_of(&network, (&movers, &of_rock), *joint);
+        let levers = moving[0].iter().map(levers).collect();
         let mut flow = Self {
             settings,
             modes: Modes::new(),
-            channels: Vec::with_capacity(links),
+            ends: network.links.iter().map(links::ends).collect(),
+            inner: links - network.open.len(),
+            lifts: links::lifts(&network, &settings),
+            shapes: links::shapes(&network, &settings),
+            relaxation: 4.0 * settings.water.viscosity / settings.water.mixture_density(),
+            channels: vec![Channel::default(); links],
+            turbulences: vec![Turbulence::default(); settings.roughness.map_or(0, |_| links)],
+            sizes: walls::sizes(&network),
             gaps: network.joints.iter().map(|joint| joint.gap).collect(),
             base_gaps: network.joints.iter().map(|joint| joint.gap).collect(),
             openings: vec![LinearField::default(); network.joints.len()],
@@ -263,9 +308,9 @@ impl JointFlow {
             opened: vec![0.0; nodes],
             surplus: vec![0.0; nodes],
             pressure: vec![0.0; nodes],
-            mode: vec![0.0; modes],
-            decays: vec![0.0; modes],
-            decays_of: None,
+            mode: vec![[0.0; MODES]; modes],
+            responses: vec![LinkResponse::default(); links],
+            responses_of: None,
             discharge: vec![0.0; links],
             passed: vec![0.0; network.open.len()],
             held: Vec::new(),
@@ -280,23 +325,22 @@ impl JointFlow {
                 base: vec![0.0; nodes],
                 before: vec![0.0; nodes],
                 opened: vec![0.0; nodes],
-                mode_base: vec![0.0; modes],
                 imbalance: vec![0.0; unknowns],
-                diagonal: vec![0.0; unknowns],
-                pairs: vec![0.0; pairs.len()],
                 trial: vec![0.0; unknowns],
                 net: vec![0.0; unknowns],
                 first: vec![0.0; unknowns],
                 starts: vec![[Vector6::zeros(); 2]; movers.len()],
             },
-            moving: walls::moving(&network, &of_rock),
+            moving,
+            link_moves,
+            levers,
             movers,
             touches,
             of_rock,
             network,
         };
         log::debug!("joints: {} entries in the factors", flow.factors.entries());
-        flow.channels = (0..links).map(|link| flow.channel(link)).collect();
+        (0..links).for_each(|link| flow.set_channel(link));
         flow.measure_volumes();
         flow
     }
@@ -360,10 +404,9 @@ impl JointFlow {
     /// Returns the pressure that the present discharge of a link loses by friction, positive along the link \[Pa\].
     #[must_use]
     pub fn friction(&self, link: usize) -> f64 {
-        let (channel, discharge) = (&self.channels[link], self.discharge[link]);
-        let (excess, _) = channel
-            .turbulence
-            .excess(discharge.abs(), channel.resistance);
+        let (channel, discharge) = (self.channel(link), self.discharge[link]);
+        let law = self.turbulence(link);
+        let (excess, _) = law.excess(discharge.abs(), channel.resistance);
         channel.resistance * discharge + excess.copysign(discharge)
     }
 
@@ -393,22 +436,17 @@ impl JointFlow {
     }
 
     /// Returns the state: pressures of the nodes \[Pa\], then discharges of the links, then those of the modes
-    /// \[m³/s\]; if blocks move, then the water of the nodes in excess of their volumes \[m³\]; then 1 and the matrix
-    /// of the factors if the next step uses them, or zeros.
+    /// \[m³/s\], then the water of the nodes in excess of their volumes \[m³\]; then 1 and the matrix of the factors if
+    /// the next step uses them, or zeros.
     #[must_use]
     pub fn state(&self) -> Vec<f64> {
-        let surplus = if self.movers.is_empty() {
-            &[]
-        } else {
-            &self.surplus[..]
-        };
         let [diagonal, pairs] = &self.factored;
         let keeps = [f64::from(u8::from(self.keeps))];
         let mut state = [
             &self.pressure[..],
             &self.discharge,
-            &self.mode,
-            surplus,
+            self.mode.as_flattened(),
+            &self.surplus,
             &keeps,
         ]
         .concat();
@@ -424,17 +462,18 @@ impl JointFlow {
     #[must_use]
     pub fn restore(&mut self, state: &[f64]) -> bool {
         let (nodes, links) = (self.pressure.len(), self.discharge.len());
-        let modes = nodes + links..nodes + links + self.mode.len();
-        let surplus = if self.movers.is_empty() { 0 } else { nodes };
+        let mode = self.mode.as_flattened_mut();
+        let modes = nodes + links..nodes + links + mode.len();
         let [unknowns, pairs] = [0, 1].map(|part| self.factored[part].len());
-        let kept = modes.end + surplus;
+        let kept = modes.end + nodes;
         if state.len() != kept + 1 + unknowns + pairs {
             return false;
         }
         self.pressure.copy_from_slice(&state[..nodes]);
         self.discharge.copy_from_slice(&state[nodes..nodes + links]);
-        self.mode.copy_from_slice(&state[modes.clone()]);
-        self.surplus[..surplus].copy_from_slice(&state[modes.end..kept]);
+        mode.copy_from_slice(&state[modes.clone()]);
+        self.responses_of = None;
+        self.surplus.copy_from_slice(&state[modes.end..kept]);
         let (diagonal, pairs) = state[kept + 1..].split_at(unknowns);
         self.keeps = state[kept] > 0.5;
         self.factored = [diagonal.to_vec(), pairs.to_vec()];
@@ -445,60 +484,6 @@ impl JointFlow {
     pub fn set_pressures(&mut self, pressure: impl Fn(&Vector3<f64>) -> f64) {
         for (number, position) in self.pressure.iter_mut().zip(&self.network.positions) {
             *number = pressure(position);
-        }
-    }
-
-    /// Returns the coefficients of a link at the present gaps.
-    fn channel(&self, link: usize) -> Channel {
-        let network = &self.network;
-        let link = &network.links[link];
-        let (water, gap) = (&self.settings.water, &self.gaps[link.joint]);
-        let apertures = link
-            .path
-            .map(|at| gap.value(&at).max(network.settings.residual_aperture));
-        let (cube, inertial) = (cube(apertures), inertial(apertures));
-        let density = water.mixture_density();
-        let per_width = 12.0 * water.viscosity * link.length / cube;
-        let turbulence = match self.settings.roughness {
-            Some(roughness) => Turbulence {
-                reynolds: 2.0 * density / (water.viscosity * link.width),
-                scale: density * link.length / (4.0 * link.width * link.width * cube),
-                rough: rough(roughness, cube.cbrt()),
-            },
-            None => Turbulence::default(),
-        };
-        let end = match link.to {
-            End::Node(node) => network.positions[node],
-            End::Open(piece) => network.open[piece].middle,
-        };
-        let rise = self
-            .settings
-            .gravity
-            .dot(&(end - network.positions[link.from]));
-        Channel {
-            lift: density * rise,
-            resistance: per_width / link.width,
-            gain: link.width * inertial / (density * link.length),
-            rate: 4.0 * water.viscosity / density * inertial / cube,
-            turbulence,
-        }
-    }
-
-    /// Updates the gaps and the pressures outside the network to a time.
-    fn follow(&mut self, drive: &dyn Drive, time: f64) {
-        for (number, front) in self.work.fronts.iter_mut().enumerate() {
-            *front = drive.pressure(number, time);
-            self.work.outside[number] = drive.resistance(number);
-        }
-        let mut moved = false;
-        for (joint, gap) in self.base_gaps.iter_mut().enumerate() {
-            if let Some(new) = drive.gap(joint, time) {
-                moved |= new != *gap;
-                *gap = new;
-            }
-        }
-        if moved {
-            self.place_walls();
         }
     }
 
@@ -513,325 +498,15 @@ impl JointFlow {
         &mut self.movers
     }
 
-    /// Sets the velocities of an iterate, and the corresponding gaps at the end of a stage.
-    fn move_blocks(&mut self, unknowns: &[f64], interval: f64) {
-        if self.movers.is_empty() {
-            return;
-        }
-        let nodes = self.volumes.len();
-        let velocities = unknowns[nodes..].chunks_exact(FREEDOMS);
-        let starts = self.work.starts.iter().zip(velocities);
-        for (mover, ([start, _], velocity)) in self.movers.iter_mut().zip(starts) {
-            mover.velocity = Vector6::from_column_slice(velocity);
-            mover.displacement = start + mover.velocity * interval;
-        }
-        self.place_moving_walls();
-        let links = std::mem::take(&mut self.moving[1]);
-        for &link in &links {
-            self.set_decays(link, interval);
-            self.work.answers[link] = self.answer(link, interval);
-        }
-        self.moving[1] = links;
-    }
-
-    /// Adds the equations of the moving blocks to the imbalances and their derivatives. `pair` is the index of the
-    /// first pair of the blocks.
-    fn balance_blocks(&self, unknowns: &[f64], interval: f64, pair: usize, to: [&mut [f64]; 3]) {
-        let nodes = self.volumes.len();
-        let [imbalance, diagonal, pairs] = to;
-        for (number, (mover, [_, start])) in self.movers.iter().zip(&self.work.starts).enumerate() {
-            let change = mover.momentum(&(mover.velocity - start)) - mover.load * interval;
-            for freedom in 0..FREEDOMS {
-                let at = nodes + FREEDOMS * number + freedom;
-                imbalance[at] = -change[freedom];
-                diagonal[at] = if freedom < 3 {
-                    -mover.mass
-                } else {
-                    -mover.inertia[(freedom - 3, freedom - 3)]
-                };
-            }
-        }
-        let mut pair = pair;
-        for touch in &self.touches {
-            let first = nodes + FREEDOMS * touch.mover;
-            for freedom in 0..FREEDOMS {
-                imbalance[first + freedom] += interval * touch.arm[freedom] * unknowns[touch.cell];
-                pairs[pair] = interval * touch.arm[freedom];
-                pair += 1;
-            }
-        }
-        for mover in &self.movers {
-            for [a, b] in ROTATION_PAIRS {
-                pairs[pair] = -mover.inertia[(a - 3, b - 3)];
-                pair += 1;
-            }
-        }
-    }
-
-    /// Returns the driving pressure of a link \[Pa\]; `None` if its end is closed.
-    fn drive(&self, link: usize, pressure: &[f64]) -> Option<f64> {
-        let ends = &self.network.links[link];
-        let front = match ends.to {
-            End::Node(to) => pressure[to],
-            End::Open(piece) => self.work.fronts[piece]?,
-        };
-        Some(pressure[ends.from] - front + self.channels[link].lift)
-    }
-
-    /// Returns the discharge of a link and its derivative with respect to the driving pressure; `None` if its end
-    /// is closed.
-    fn discharge_of(&self, link: usize, pressure: &[f64]) -> Option<(f64, f64)> {
-        let drive = self.drive(link, pressure)?;
-        let (answer, channel) = (self.work.answers[link], &self.channels[link]);
-        let laminar = answer.free + answer.slope * drive;
-        let law = &channel.turbulence;
-        let (discharge, part) = law.discharge(laminar, answer.slope, channel.resistance);
-        Some((discharge, part * answer.slope))
-    }
-
-    /// Returns the sum of the squares of the nodal imbalances at pressures, and stores the imbalances with their
-    /// derivatives. Without `stores` the flow is steady.
-    fn imbalance(&mut self, pressure: &[f64], interval: f64, stores: bool) -> f64 {
-        if stores {
-            self.move_blocks(pressure, interval);
-        }
-        let mut work = std::mem::take(&mut self.work.imbalance);
-        let mut diagonal = std::mem::take(&mut self.work.diagonal);
-        let mut pairs = std::mem::take(&mut self.work.pairs);
-        let nodes = self.volumes.len();
-        for (node, number) in work[..nodes].iter_mut().enumerate() {
-            (*number, diagonal[node]) = (-self.work.base[node], 0.0);
-            if stores {
-                let (more, slope) = self.settings.water.compression(pressure[node]);
-                let volume = self.volumes[node];
-                // With stationary walls this form adds no rounding of the volume itself.
-                let moved = self.fills[node] - self.work.before[node];
-                *number += volume * more + moved + (self.opened[node] - self.work.opened[node]);
-                diagonal[node] = volume * slope;
-            }
-        }
-        let mut pair = 0;
-        for link in 0..self.channels.len() {
-            let found = self.discharge_of(link, pressure);
-            let (discharge, slope) = found.unwrap_or_default();
-            let ends = &self.network.links[link];
-            work[ends.from] += interval * discharge;
-            diagonal[ends.from] += interval * slope;
-            if let End::Node(to) = ends.to {
-                work[to] -= interval * discharge;
-                diagonal[to] += interval * slope;
-                pairs[pair] = -interval * slope;
-                pair += 1;
-            }
-        }
-        if !stores {
-            for &node in &self.held {
-                work[node] = 0.0;
-                // A cell without open links is isolated.
-                diagonal[node] = if diagonal[node] > 0.0 {
-                    2.0 * diagonal[node]
-                } else {
-                    1.0
-                };
-            }
-        }
-        if stores {
-            let blocks = [&mut work[..], &mut diagonal, &mut pairs];
-            self.balance_blocks(pressure, interval, pair, blocks);
-        } else {
-            // Blocks are fixed in a steady flow.
-            pairs[pair..].fill(0.0);
-            diagonal[nodes..].fill(-1.0);
-            work[nodes..].fill(0.0);
-        }
-        let sum = work[..nodes].iter().map(|number| number * number).sum();
-        self.work.imbalance = work;
-        (self.work.diagonal, self.work.pairs) = (diagonal, pairs);
-        sum
-    }
-
-    /// Finds the parts of the network without an open end: in each of them the pressure of one node is fixed.
-    fn find_held(&mut self) {
-        let parts = self.network.parts();
-        let mut held = vec![true; self.pressure.len()];
-        for link in &self.network.links {
-            if let End::Open(piece) = link.to
-                && self.work.fronts[piece].is_some()
-            {
-                held[parts[link.from]] = false;
-            }
-        }
-        let roots = parts.iter().enumerate();
-        self.held = roots
-            .filter(|&(node, &root)| node == root && held[node])
-            .map(|(node, _)| node)
-            .collect();
-    }
-
-    /// Computes the steady flow under the pressures at a time. Parts of the network without an open end keep the
-    /// pressure of their first cell and have no flow.
-    ///
-    /// # Errors
-    /// If there is no solution.
-    pub fn solve_steady(&mut self, drive: &dyn Drive, time: f64) -> Result<StepReport, FlowError> {
-        self.keeps = false;
-        self.follow(drive, time);
-        self.find_held();
-        self.work.base.fill(0.0);
-        for (answer, channel) in self.work.answers.iter_mut().zip(&self.channels) {
-            *answer = LinkResponse {
-                free: 0.0,
-                slope: 1.0 / channel.resistance,
-            };
-        }
-        let newton = self.solve(1.0, false)?;
-        // The matrices of steps in time are others.
-        self.keeps = false;
-        let pressure = std::mem::take(&mut self.pressure);
-        for link in 0..self.channels.len() {
-            let (discharge, _) = self.discharge_of(link, &pressure).unwrap_or_default();
-            self.discharge[link] = discharge;
-            if self.settings.inertia {
-                let channel = &self.channels[link];
-                // In the steady state the modes share the discharge in proportion to their conductances.
-                let modes = &mut self.mode[link * MODES..(link + 1) * MODES];
-                let groups = self.modes.weights.iter().zip(&self.modes.rates);
-                for (mode, (weight, rate)) in modes.iter_mut().zip(groups) {
-                    let conductance = channel.gain * weight / (channel.rate * rate);
-                    *mode = discharge * channel.resistance * conductance;
-                }
-            }
-        }
-        self.pressure = pressure;
-        Ok(StepReport {
-            newton,
-            ..StepReport::default()
-        })
-    }
-
-    /// Returns the increase of the pressure at the end of a link per discharge [Pa s/m³].
-    fn outside(&self, link: usize) -> f64 {
-        match self.network.links[link].to {
-            End::Open(piece) => self.work.outside[piece],
-            End::Node(_) => 0.0,
-        }
-    }
-
-    /// Computes the responses of the links for a stage of this duration \[s\] from the initial modes.
-    fn prepare_answers(&mut self, interval: f64) {
-        self.prepare_decays(interval);
-        for link in 0..self.channels.len() {
-            self.work.answers[link] = self.answer(link, interval);
-        }
-    }
-
-    /// Returns the response of a link for a stage of this duration \[s\].
-    fn answer(&self, link: usize, interval: f64) -> LinkResponse {
-        let channel = &self.channels[link];
-        let mut answer = LinkResponse {
-            free: 0.0,
-            slope: 1.0 / channel.resistance,
-        };
-        if self.settings.inertia {
-            answer.slope = 0.0;
-            let span = link * MODES..(link + 1) * MODES;
-            let base = &self.work.mode_base[span.clone()];
-            let groups = self.modes.weights.iter().zip(&self.decays[span]);
-            for (base, (weight, left)) in base.iter().zip(groups) {
-                answer.free += base * left;
-                answer.slope += weight * left;
-            }
-            answer.slope *= interval * channel.gain;
-        }
-        let resistance = self.outside(link);
-        if resistance > 0.0 {
-            let part = 1.0 / (1.0 + answer.slope * resistance);
-            answer.free *= part;
-            answer.slope *= part;
-        }
-        answer
-    }
-
-    /// Computes the parts of the modes that a stage of this duration \[s\] leaves, unless they are known.
-    fn prepare_decays(&mut self, interval: f64) {
-        if !self.settings.inertia || self.decays_of == Some(interval) {
-            return;
-        }
-        for link in 0..self.channels.len() {
-            self.set_decays(link, interval);
-        }
-        self.decays_of = Some(interval);
-    }
-
-    /// Computes the parts of the modes of a link that a stage of this duration \[s\] leaves.
-    fn set_decays(&mut self, link: usize, interval: f64) {
-        if !self.settings.inertia {
-            return;
-        }
-        let rate = interval * self.channels[link].rate;
-        let decays = &mut self.decays[link * MODES..(link + 1) * MODES];
-        for (decay, own) in decays.iter_mut().zip(&self.modes.rates) {
-            *decay = 1.0 / (1.0 + rate * own);
-        }
-    }
-
-    /// Computes discharges and modes from the pressures at the end of a stage.
-    fn finish_stage(&mut self, interval: f64) {
-        let pressure = std::mem::take(&mut self.pressure);
-        for link in 0..self.channels.len() {
-            let channel = self.channels[link];
-            let (discharge, _) = self.discharge_of(link, &pressure).unwrap_or_default();
-            self.discharge[link] = discharge;
-            if !self.settings.inertia {
-                continue;
-            }
-            let (excess, _) = channel
-                .turbulence
-                .excess(discharge.abs(), channel.resistance);
-            let drive = self.drive(link, &pressure);
-            let lost = excess.copysign(discharge) + self.outside(link) * discharge;
-            let drive = drive.map_or(0.0, |drive| drive - lost);
-            let span = link * MODES..(link + 1) * MODES;
-            let base = &self.work.mode_base[span.clone()];
-            let groups = self.modes.weights.iter().zip(&self.decays[span.clone()]);
-            let gain = interval * channel.gain * drive;
-            for ((mode, base), (weight, left)) in self.mode[span].iter_mut().zip(base).zip(groups) {
-                *mode = (base + gain * weight) * left;
-            }
-        }
-        self.pressure = pressure;
-    }
-
-    /// Sums the discharges into each node \[m³/s\].
-    fn sum_discharges(&mut self) {
-        self.work.net.fill(0.0);
-        for (link, discharge) in self.network.links.iter().zip(&self.discharge) {
-            self.work.net[link.from] -= discharge;
-            if let End::Node(to) = link.to {
-                self.work.net[to] += discharge;
-            }
-        }
-    }
-
     /// Returns the discharge out of each open piece at the end of the last step \[m³/s\].
     #[must_use]
     pub fn outflows(&self) -> Vec<f64> {
         let mut outflows = vec![0.0; self.network.open.len()];
-        for (link, discharge) in self.network.links.iter().zip(&self.discharge) {
-            if let End::Open(piece) = link.to {
-                outflows[piece] += discharge;
-            }
+        let outer = self.inner..;
+        for ([_, piece], discharge) in self.ends[outer.clone()].iter().zip(&self.discharge[outer]) {
+            outflows[*piece as usize] = *discharge;
         }
         outflows
-    }
-
-    /// Adds the water that leaves through open pieces during a time \[s\].
-    fn add_passed(&mut self, time: f64) {
-        for (link, discharge) in self.network.links.iter().zip(&self.discharge) {
-            if let End::Open(piece) = link.to {
-                self.passed[piece] += time * discharge;
-            }
-        }
     }
 
     /// Returns the volume of water that left through each open piece of an edge in the last step, at the density of
@@ -839,74 +514,5 @@ impl JointFlow {
     #[must_use]
     pub fn passed(&self) -> &[f64] {
         &self.passed
-    }
-
-    /// Returns the discharge into the network through all open edges \[m³/s\].
-    fn inflow(&self) -> f64 {
-        let mut sum = ExactSum::new();
-        for outflow in self.outflows() {
-            sum.add(-outflow);
-        }
-        sum.value()
-    }
-
-    /// Makes a step from `time` to `time + interval` \[s\].
-    ///
-    /// # Errors
-    /// If the pressures do not converge or are not finite; the state is then lost.
-    pub fn advance(
-        &mut self,
-        drive: &dyn Drive,
-        time: f64,
-        interval: f64,
-    ) -> Result<StepReport, FlowError> {
-        self.factorisations = 0;
-        let stage = DIAGONAL * interval;
-        let before = self.stored();
-        for (node, base) in self.work.base.iter_mut().enumerate() {
-            let (more, _) = self.settings.water.compression(self.pressure[node]);
-            *base = self.volumes[node] * more + self.surplus[node];
-        }
-        self.surplus.fill(0.0);
-        self.work.before.copy_from_slice(&self.fills);
-        self.work.opened.copy_from_slice(&self.opened);
-        self.work.mode_base.copy_from_slice(&self.mode);
-        for (start, mover) in self.work.starts.iter_mut().zip(&self.movers) {
-            *start = [mover.displacement, mover.velocity];
-        }
-        self.follow(drive, time + stage);
-        self.prepare_answers(stage);
-        let mut newton = self.solve(stage, true)?;
-        self.finish_stage(stage);
-        let mut entered = (1.0 - DIAGONAL) * interval * self.inflow();
-        self.passed.fill(0.0);
-        self.add_passed((1.0 - DIAGONAL) * interval);
-        self.sum_discharges();
-        // The second stage starts with the extrapolated changes of the first.
-        let carried = (1.0 - DIAGONAL) / DIAGONAL;
-        for (base, net) in self.work.base.iter_mut().zip(&self.work.net) {
-            *base += (1.0 - DIAGONAL) * interval * net;
-        }
-        for (base, mode) in self.work.mode_base.iter_mut().zip(&self.mode) {
-            *base += carried * (mode - *base);
-        }
-        for (start, mover) in self.work.starts.iter_mut().zip(&self.movers) {
-            let [place, velocity] = *start;
-            start[0] += carried * (mover.displacement - place);
-            start[1] += carried * (mover.velocity - velocity);
-        }
-        self.follow(drive, time + interval);
-        self.prepare_answers(stage);
-        newton += self.solve(stage, true)?;
-        self.finish_stage(stage);
-        entered += stage * self.inflow();
-        self.add_passed(stage);
-        let after = self.stored();
-        Ok(StepReport {
-            newton,
-            factorisations: self.factorisations,
-            entered,
-            imbalance: after - before - entered,
-        })
     }
 }

@@ -13,6 +13,10 @@
 //! between smooth walls and earlier between rough ones. `Re` does not depend on the aperture, and each law scales
 //! with the inverse cube of the aperture, so that a link of varying aperture uses [`cube`].
 
+/// Reynolds number up to which the flow is laminar between walls of any roughness: the largest factor of a rough wall is
+/// `(2 lg 7.4)^(-2) = 96/290.13`.
+const LAMINAR: f64 = 290.0;
+
 /// Coefficients of turbulent friction of a link.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Turbulence {
@@ -58,7 +62,7 @@ impl Turbulence {
     /// `resistance` is the laminar one \[Pa s/m³\].
     #[must_use]
     pub fn excess(&self, discharge: f64, resistance: f64) -> (f64, f64) {
-        if self.reynolds <= 0.0 || discharge <= 0.0 {
+        if self.reynolds * discharge <= LAMINAR {
             return (0.0, 0.0);
         }
         let smooth = 0.316 * (self.reynolds * discharge).powf(-0.25);

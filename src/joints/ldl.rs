@@ -3,37 +3,32 @@
 //! The matrices of a network are positive definite; with the motion of blocks they become quasi-definite, for which the
 //! factors exist in any order of elimination (Vanderbei, SIAM J. Optim. 5, 100 (1995)). The order is that of
 //! approximate minimum degree on the quotient graph (George and Liu, SIAM Review 31, 1 (1989); Amestoy, Davis and Duff,
-//! SIAM J. Matrix Anal. Appl. 17, 886 (1996)); the caller states it for large networks ([`crate::order`]). The factors
-//! are computed row by row along the elimination tree (Davis, Direct Methods for Sparse Linear Systems, 2006, chapter
-//! 4). The pattern is analysed once; further factorisations allocate nothing. The order of operations is fixed, so that
-//! the bits are the same on every rank.
+//! SIAM J. Matrix Anal. Appl. 17, 886 (1996)); the caller states it for large networks ([`crate::order`]). Columns with
+//! the same rows form a dense panel ([`crate::panels`]), and the panels are factorised one after the other, each with
+//! the updates of its children in the elimination tree (multifrontal method: Liu, SIAM Review 34, 82 (1992)): the inner
+//! loops run over consecutive numbers without indices. The pattern is analysed once; further factorisations allocate
+//! nothing. The order of operations is fixed, so that the bits are the same on every rank.
 
+use crate::panels::{Panel, Panels};
 use std::collections::BTreeSet;
 
 /// Value for a missing parent or a missing entry.
 const NONE: usize = usize::MAX;
+/// Number of columns that a loop over rows combines.
+const COLUMNS: usize = 4;
 
 /// Factors of a symmetric matrix with a fixed pattern.
 #[derive(Clone, Debug)]
 pub(crate) struct Factors {
-    /// Position of each unknown in the elimination order.
-    position: Vec<usize>,
-    /// Unknown at each position.
-    order: Vec<usize>,
-    /// Entries above the diagonal, by columns in the elimination order: rows, and indices of the pairs.
-    upper_starts: Vec<usize>,
-    upper_rows: Vec<usize>,
-    upper_pairs: Vec<usize>,
-    /// Columns of the rows of `L`, in a valid elimination order.
-    row_starts: Vec<usize>,
-    row_columns: Vec<usize>,
-    /// Columns of `L`: rows and values.
-    column_starts: Vec<usize>,
-    column_rows: Vec<u32>,
+    panels: Panels,
+    /// Values of the panels, each column by column with the rows of the panel. The diagonal has the pivots.
     lower: Vec<f64>,
-    diagonal: Vec<f64>,
-    filled: Vec<usize>,
+    /// Updates of panels whose parents are not factorised yet.
+    updates: Vec<f64>,
+    /// Numbers in the order of elimination.
     work: Vec<f64>,
+    /// Numbers at the rows of a panel.
+    rows: Vec<f64>,
 }
 
 /// Zero or undefined pivot, at this unknown.
@@ -47,61 +42,27 @@ impl Factors {
         Self::in_order(minimum_degree(count, pairs), pairs)
     }
 
-    /// Returns the analysis for unknowns that are eliminated in this order.
+    /// Returns the analysis for unknowns that are eliminated in this order, or in another one with the same entries.
     pub(crate) fn in_order(order: Vec<usize>, pairs: &[[usize; 2]]) -> Self {
-        let count = order.len();
-        let mut position = vec![0; count];
-        for (at, &unknown) in order.iter().enumerate() {
-            position[unknown] = at;
-        }
-        let (upper_starts, upper_rows, upper_pairs) = columns_above(count, pairs, &position);
-        let parents = elimination_tree(count, &upper_starts, &upper_rows);
-        let (row_starts, row_columns) = rows_of_factor(&parents, &upper_starts, &upper_rows);
-        let mut column_starts = vec![0; count + 1];
-        for &column in &row_columns {
-            column_starts[column + 1] += 1;
-        }
-        for column in 0..count {
-            column_starts[column + 1] += column_starts[column];
-        }
-        let entries = row_columns.len();
-        let (mut filled, mut column_rows) = (column_starts.clone(), vec![0; entries]);
-        for row in 0..count {
-            for &column in &row_columns[row_starts[row]..row_starts[row + 1]] {
-                column_rows[filled[column]] = u32::try_from(row).unwrap_or(u32::MAX);
-                filled[column] += 1;
-            }
-        }
+        let panels = Panels::new(order, pairs);
         Self {
-            position,
-            order,
-            upper_starts,
-            upper_rows,
-            upper_pairs,
-            row_starts,
-            row_columns,
-            column_starts,
-            column_rows,
-            lower: vec![0.0; entries],
-            diagonal: vec![0.0; count],
-            filled: vec![0; count],
-            work: vec![0.0; count],
+            lower: vec![0.0; panels.values],
+            updates: vec![0.0; panels.most_updates],
+            work: vec![0.0; panels.order.len()],
+            rows: vec![0.0; panels.most_rows],
+            panels,
         }
     }
 
     /// Returns the memory of the factors \[bytes\].
     pub(crate) fn bytes(&self) -> usize {
-        use std::mem::size_of;
-        let unknowns = 6 * size_of::<usize>() + 3 * size_of::<f64>();
-        let above = 2 * size_of::<usize>();
-        let entry = size_of::<usize>() + size_of::<u32>() + size_of::<f64>();
-        let unknowns = self.order.len() * unknowns;
-        unknowns + self.upper_rows.len() * above + self.lower.len() * entry
+        let numbers = self.lower.len() + self.updates.len() + self.work.len() + self.rows.len();
+        self.panels.bytes() + numbers * size_of::<f64>()
     }
 
     /// Returns the number of entries of `L` below its diagonal.
     pub(crate) fn entries(&self) -> usize {
-        self.lower.len()
+        self.panels.entries()
     }
 
     /// Computes the factors of the matrix with this diagonal and these values at its pairs. Values of a repeated
@@ -110,135 +71,258 @@ impl Factors {
     /// # Errors
     /// If a pivot is zero or not a number.
     pub(crate) fn factorise(&mut self, diagonal: &[f64], pairs: &[f64]) -> Result<(), Singular> {
-        self.filled
-            .copy_from_slice(&self.column_starts[..diagonal.len()]);
-        for row in 0..diagonal.len() {
-            for entry in self.upper_starts[row]..self.upper_starts[row + 1] {
-                self.work[self.upper_rows[entry]] += pairs[self.upper_pairs[entry]];
+        let Self {
+            panels,
+            lower,
+            updates,
+            ..
+        } = self;
+        lower.fill(0.0);
+        for (value, &at) in diagonal.iter().zip(&panels.diagonal) {
+            lower[at] += value;
+        }
+        for (value, &at) in pairs.iter().zip(&panels.pairs) {
+            lower[at] += value;
+        }
+        let mut top = 0;
+        for panel in &panels.list {
+            let own = panels.rows_of(panel).len();
+            let values = &mut lower[panel.values.clone()];
+            // The updates of the children lie at the top, the last child first; that of the panel comes above them.
+            let (children, free) = updates.split_at_mut(top);
+            let update = &mut free[..own * own];
+            update.fill(0.0);
+            let mut end = top;
+            for &child in &panels.children[panel.children.clone()] {
+                let child = &panels.list[child];
+                let size = child.rows.len();
+                end -= size * size;
+                let targets = &panels.targets[child.rows.clone()];
+                add_child(
+                    &children[end..end + size * size],
+                    targets,
+                    panel,
+                    values,
+                    update,
+                );
             }
-            let mut pivot = diagonal[self.order[row]];
-            for entry in self.row_starts[row]..self.row_starts[row + 1] {
-                let column = self.row_columns[entry];
-                let number = std::mem::take(&mut self.work[column]);
-                let end = self.filled[column];
-                let above = self.column_starts[column]..end;
-                let entries = self.column_rows[above.clone()]
-                    .iter()
-                    .zip(&self.lower[above]);
-                for (below, entry) in entries {
-                    self.work[*below as usize] -= entry * number;
-                }
-                let factor = number / self.diagonal[column];
-                pivot -= factor * number;
-                self.lower[end] = factor;
-                self.filled[column] = end + 1;
-            }
-            if !(pivot.is_finite() && pivot.abs() > 0.0) {
-                self.work.fill(0.0);
-                return Err(Singular(self.order[row]));
-            }
-            self.diagonal[row] = pivot;
-            self.work[row] = 0.0;
+            factorise_panel(panel, values)
+                .map_err(|column| Singular(panels.order[panel.first + column]))?;
+            subtract_products(panel, values, update);
+            updates.copy_within(top..top + own * own, end);
+            top = end + own * own;
         }
         Ok(())
     }
 
     /// Replaces the right-hand side by the solution.
     pub(crate) fn solve(&mut self, side: &mut [f64]) {
-        let work = &mut self.work;
-        for (number, &unknown) in work.iter_mut().zip(&self.order) {
+        let Self {
+            panels,
+            lower,
+            work,
+            rows,
+            ..
+        } = self;
+        for (number, &unknown) in work.iter_mut().zip(&panels.order) {
             *number = side[unknown];
         }
-        for column in 0..self.diagonal.len() {
-            let number = work[column];
-            let own = self.column_starts[column]..self.column_starts[column + 1];
-            for (row, entry) in self.column_rows[own.clone()].iter().zip(&self.lower[own]) {
-                work[*row as usize] -= entry * number;
-            }
+        for panel in &panels.list {
+            let below = panels.rows_of(panel);
+            panel.forward(&lower[panel.values.clone()], below, work, rows);
         }
-        for column in (0..self.diagonal.len()).rev() {
-            let mut number = work[column] / self.diagonal[column];
-            let own = self.column_starts[column]..self.column_starts[column + 1];
-            for (row, entry) in self.column_rows[own.clone()].iter().zip(&self.lower[own]) {
-                number -= entry * work[*row as usize];
-            }
-            work[column] = number;
+        for panel in panels.list.iter().rev() {
+            let below = panels.rows_of(panel);
+            panel.backward(&lower[panel.values.clone()], below, work, rows);
         }
-        for (number, &at) in side.iter_mut().zip(&self.position) {
+        for (number, &at) in side.iter_mut().zip(&panels.position) {
             *number = work[at];
         }
-        work.fill(0.0);
     }
 }
 
-/// Returns the entries above the diagonal by columns in the elimination order: starts, rows and pairs.
-fn columns_above(
-    count: usize,
-    pairs: &[[usize; 2]],
-    position: &[usize],
-) -> (Vec<usize>, Vec<usize>, Vec<usize>) {
-    let ends = |pair: &[usize; 2]| {
-        let [a, b] = pair.map(|unknown| position[unknown]);
-        [a.min(b), a.max(b)]
-    };
-    let mut starts = vec![0; count + 1];
-    for pair in pairs {
-        starts[ends(pair)[1] + 1] += 1;
+/// Adds the update of a child to the columns of its parent and to the update of the parent. `targets` are the rows of
+/// the child among those of the parent.
+fn add_child(
+    child: &[f64],
+    targets: &[u32],
+    panel: &Panel,
+    values: &mut [f64],
+    update: &mut [f64],
+) {
+    let (size, columns, height) = (targets.len(), panel.columns, panel.height());
+    let own = height - columns;
+    for (column, &to) in targets.iter().enumerate() {
+        let entries = child[column * size..][column..size].iter();
+        let entries = entries.zip(&targets[column..]);
+        let to = to as usize;
+        if to < columns {
+            let values = &mut values[to * height..(to + 1) * height];
+            entries.for_each(|(entry, &row)| values[row as usize] += entry);
+        } else {
+            let update = &mut update[(to - columns) * own..(to - columns + 1) * own];
+            entries.for_each(|(entry, &row)| update[row as usize - columns] += entry);
+        }
     }
-    for column in 0..count {
-        starts[column + 1] += starts[column];
-    }
-    let mut next = starts.clone();
-    let (mut rows, mut which) = (vec![0; pairs.len()], vec![0; pairs.len()]);
-    for (n, pair) in pairs.iter().enumerate() {
-        let [row, column] = ends(pair);
-        rows[next[column]] = row;
-        which[next[column]] = n;
-        next[column] += 1;
-    }
-    (starts, rows, which)
 }
 
-/// Returns the parent of each column in the elimination tree; [`NONE`] for roots.
-fn elimination_tree(count: usize, starts: &[usize], rows: &[usize]) -> Vec<usize> {
-    let mut parents = vec![NONE; count];
-    let mut ancestors = vec![NONE; count];
-    for column in 0..count {
-        for &row in &rows[starts[column]..starts[column + 1]] {
-            let mut node = row;
-            while node != NONE && node < column {
-                let up = std::mem::replace(&mut ancestors[node], column);
-                if up == NONE {
-                    parents[node] = column;
+/// Factorises the columns of a panel; fails with the column of a pivot that is zero or not a number.
+fn factorise_panel(panel: &Panel, values: &mut [f64]) -> Result<(), usize> {
+    let (columns, height) = (panel.columns, panel.height());
+    for column in 0..columns {
+        let (before, own) = values.split_at_mut(column * height);
+        let own = &mut own[column..height];
+        let mut done = 0;
+        while done < column {
+            let width = COLUMNS.min(column - done);
+            subtract_columns(before, (done, width, height), column, own);
+            done += width;
+        }
+        let pivot = own[0];
+        if !(pivot.is_finite() && pivot.abs() > 0.0) {
+            return Err(column);
+        }
+        own[1..].iter_mut().for_each(|entry| *entry /= pivot);
+    }
+    Ok(())
+}
+
+/// Subtracts the products of columns with their entries in a row from the rows from there on. `(first, width, height)`
+/// are the first of the columns, their number, and the number of their rows; the pivots are on the diagonal.
+fn subtract_columns(
+    columns: &[f64],
+    (first, width, height): (usize, usize, usize),
+    row: usize,
+    to: &mut [f64],
+) {
+    let column = |k: usize| &columns[(first + k) * height..(first + k + 1) * height];
+    let part = |k: usize| column(k)[row] * column(k)[first + k];
+    if width == COLUMNS {
+        let parts: [f64; COLUMNS] = std::array::from_fn(part);
+        let [a, b, c, d] = std::array::from_fn(|k| &column(k)[row..row + to.len()]);
+        for (at, to) in to.iter_mut().enumerate() {
+            *to -= (parts[0] * a[at] + parts[1] * b[at]) + (parts[2] * c[at] + parts[3] * d[at]);
+        }
+        return;
+    }
+    for k in 0..width {
+        let part = part(k);
+        for (to, entry) in to.iter_mut().zip(&column(k)[row..]) {
+            *to -= part * entry;
+        }
+    }
+}
+
+/// Subtracts the products of the columns of a panel from the update of its parent.
+fn subtract_products(panel: &Panel, values: &[f64], update: &mut [f64]) {
+    let (columns, height) = (panel.columns, panel.height());
+    let own = height - columns;
+    for column in 0..own {
+        let to = &mut update[column * own..(column + 1) * own][column..];
+        let mut done = 0;
+        while done < columns {
+            let width = COLUMNS.min(columns - done);
+            subtract_columns(values, (done, width, height), columns + column, to);
+            done += width;
+        }
+    }
+}
+
+impl Panel {
+    /// Eliminates the unknowns of the panel from a right-hand side `work`.
+    fn forward(&self, values: &[f64], below: &[u32], work: &mut [f64], rows: &mut [f64]) {
+        let (columns, height) = (self.columns, self.height());
+        if columns == 1 {
+            let number = work[self.first];
+            for (entry, &row) in values[1..].iter().zip(below) {
+                work[row as usize] -= entry * number;
+            }
+            return;
+        }
+        let own = &mut work[self.first..self.first + columns];
+        for column in 1..columns {
+            let number = own[column - 1];
+            let entries = &values[(column - 1) * height..][column..columns];
+            for (to, entry) in own[column..].iter_mut().zip(entries) {
+                *to -= entry * number;
+            }
+        }
+        let rows = &mut rows[..below.len()];
+        rows.fill(0.0);
+        let column = |k: usize| &values[k * height..][columns..height];
+        let whole = columns / COLUMNS * COLUMNS;
+        for first in (0..whole).step_by(COLUMNS) {
+            let parts: [f64; COLUMNS] = std::array::from_fn(|k| own[first + k]);
+            let [a, b, c, d] = std::array::from_fn(|k| &column(first + k)[..rows.len()]);
+            for (at, to) in rows.iter_mut().enumerate() {
+                *to +=
+                    (parts[0] * a[at] + parts[1] * b[at]) + (parts[2] * c[at] + parts[3] * d[at]);
+            }
+        }
+        for k in whole..columns {
+            let part = own[k];
+            for (to, entry) in rows.iter_mut().zip(column(k)) {
+                *to += part * entry;
+            }
+        }
+        for (number, &row) in rows.iter().zip(below) {
+            work[row as usize] -= number;
+        }
+    }
+
+    /// Replaces the unknowns of the panel in `work` by the solution, after those of its rows.
+    fn backward(&self, values: &[f64], below: &[u32], work: &mut [f64], rows: &mut [f64]) {
+        let (columns, height) = (self.columns, self.height());
+        let rows = &mut rows[..below.len()];
+        for (number, &row) in rows.iter_mut().zip(below) {
+            *number = work[row as usize];
+        }
+        let own = &mut work[self.first..self.first + columns];
+        let column = |k: usize| &values[k * height..(k + 1) * height];
+        for (k, number) in own.iter_mut().enumerate() {
+            *number /= column(k)[k];
+        }
+        let whole = columns / COLUMNS * COLUMNS;
+        for first in (0..whole).step_by(COLUMNS) {
+            let [a, b, c, d] =
+                std::array::from_fn(|k| &column(first + k)[columns..columns + rows.len()]);
+            let mut sums = [[0.0; 2]; COLUMNS];
+            for (at, numbers) in rows.chunks(2).enumerate() {
+                for (half, number) in numbers.iter().enumerate() {
+                    let at = 2 * at + half;
+                    sums[0][half] += a[at] * number;
+                    sums[1][half] += b[at] * number;
+                    sums[2][half] += c[at] * number;
+                    sums[3][half] += d[at] * number;
                 }
-                node = up;
+            }
+            for (number, sums) in own[first..].iter_mut().zip(sums) {
+                *number -= sums[0] + sums[1];
             }
         }
+        for k in whole..columns {
+            own[k] -= product(&column(k)[columns..], rows);
+        }
+        for k in (0..columns).rev() {
+            let (above, later) = own.split_at_mut(k + 1);
+            above[k] -= product(&column(k)[k + 1..columns], later);
+        }
     }
-    parents
 }
 
-/// Returns the columns of each row of the factor, children before parents.
-fn rows_of_factor(parents: &[usize], starts: &[usize], rows: &[usize]) -> (Vec<usize>, Vec<usize>) {
-    let count = parents.len();
-    let mut seen = vec![NONE; count];
-    let (mut row_starts, mut columns) = (vec![0], Vec::new());
-    for row in 0..count {
-        seen[row] = row;
-        let begin = columns.len();
-        for &first in &rows[starts[row]..starts[row + 1]] {
-            let mut node = first;
-            while node != NONE && seen[node] != row {
-                seen[node] = row;
-                columns.push(node);
-                node = parents[node];
-            }
+/// Returns the sum of the products of two lists, in four partial sums.
+#[inline]
+fn product(one: &[f64], other: &[f64]) -> f64 {
+    let mut sums = [0.0; COLUMNS];
+    let (ones, others) = (one.chunks_exact(COLUMNS), other.chunks_exact(COLUMNS));
+    let rest = ones.remainder().iter().zip(others.remainder());
+    let rest: f64 = rest.map(|(a, b)| a * b).sum();
+    for (one, other) in ones.zip(others) {
+        for k in 0..COLUMNS {
+            sums[k] += one[k] * other[k];
         }
-        // A column has a larger number than the columns that update it.
-        columns[begin..].sort_unstable();
-        row_starts.push(columns.len());
     }
-    (row_starts, columns)
+    (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
 }
 
 /// Returns an elimination order with little fill.

@@ -15,7 +15,7 @@
 //! | `friction` | laminar and turbulent friction |
 //! | `slot` | inertia with frequency-dependent friction |
 //! | `water` | density of water with air, vapour pressure |
-//! | `ldl`, `order` | direct solution of sparse symmetric systems, order of elimination of large ones |
+//! | `ldl`, `panels`, `order` | direct solution of sparse symmetric systems, their panels, order of elimination of large ones |
 //! | `flow` | pressures and discharges, steady and in time; their solution (`newton`), new networks (`renewal`) |
 //! | `history` | pressure at a mouth as a function of time |
 //! | `motion` | motion of blocks together with the pressures |
@@ -42,6 +42,7 @@ pub mod motion;
 pub mod network;
 mod order;
 pub mod pairs;
+mod panels;
 pub mod polygon;
 mod sets;
 pub mod slot;

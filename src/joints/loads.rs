@@ -139,6 +139,9 @@ pub fn add_wide_loads(
     let Some(under) = network.settings.under else {
         return;
     };
+    if flow.gaps().iter().all(|gap| gap.constant <= under.wide) {
+        return;
+    }
     let strip = under.wide / (6.0 * WIDE_CELLS);
     for (number, link) in network.links.iter().enumerate() {
         if only.is_some_and(|joint| joint != link.joint) {

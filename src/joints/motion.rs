@@ -34,7 +34,7 @@
 
 use crate::network::Network;
 use crate::polygon::LinearField;
-use nalgebra::{Matrix3, Vector2, Vector3, Vector6};
+use nalgebra::{Matrix3, Vector3, Vector6};
 
 /// Number of degrees of freedom of a block.
 pub const FREEDOMS: usize = 6;
@@ -89,6 +89,8 @@ impl Mover {
 pub(crate) struct LoadedCell {
     pub(crate) cell: usize,
     pub(crate) mover: usize,
+    /// Face of the joint, 0 or 1, on which the cell loads the block.
+    pub(crate) side: usize,
     /// Force and moment per unit of pressure \[m²\], \[m³\].
     pub(crate) arm: Vector6<f64>,
 }
@@ -100,23 +102,34 @@ pub(crate) fn touches(
     of_rock: &[Option<usize>],
 ) -> Vec<LoadedCell> {
     let mut all = Vec::new();
-    for (number, (cell, &joint)) in network.cells.iter().zip(&network.joint_of).enumerate() {
-        let joint = &network.joints[joint];
-        let points = [0, 1].map(|face| joint.face_point(face, &cell.centroid));
-        for ((face, tilt), centre) in joint.faces.iter().zip(&joint.tilts).zip(points) {
-            let Some(mover) = of_rock.get(face.rock).copied().flatten() else {
-                continue;
-            };
-            let force = -tilt * cell.area;
-            let moment = (centre - movers[mover].centroid).cross(&force);
-            all.push(LoadedCell {
-                cell: number,
-                mover,
-                arm: Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z),
-            });
+    for (cell, &joint) in network.joint_of.iter().enumerate() {
+        for (side, face) in network.joints[joint].faces.iter().enumerate() {
+            if let Some(mover) = of_rock.get(face.rock).copied().flatten() {
+                all.push(LoadedCell {
+                    cell,
+                    mover,
+                    side,
+                    arm: arm(network, (cell, side), &movers[mover].centroid),
+                });
+            }
         }
     }
     all
+}
+
+/// Returns force and moment per unit of pressure of a cell on the block at a side of its joint \[m²\], \[m³\].
+pub(crate) fn arm(
+    network: &Network,
+    (cell, side): (usize, usize),
+    centroid: &Vector3<f64>,
+) -> Vector6<f64> {
+    let (joint, cell) = (
+        &network.joints[network.joint_of[cell]],
+        &network.cells[cell],
+    );
+    let force = -joint.tilts[side] * cell.area;
+    let moment = (joint.face_point(side, &cell.centroid) - centroid).cross(&force);
+    Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z)
 }
 
 /// Returns the number of the mover of each block, up to the last that moves.
@@ -129,27 +142,44 @@ pub(crate) fn movers_of(movers: &[Mover]) -> Vec<Option<usize>> {
     of_rock
 }
 
-/// Returns the change of the gap of a joint by small displacements of its blocks.
-pub(crate) fn opening(
-    network: &Network,
-    joint: usize,
-    (movers, of_rock): (&[Mover], &[Option<usize>]),
-) -> LinearField {
-    let joint = &network.joints[joint];
-    let mut gap = LinearField::default();
-    let sides = joint.tilts.iter().zip(&joint.heights);
-    for (face, (tilt, height)) in joint.faces.iter().zip(sides) {
-        let number = of_rock.get(face.rock).copied().flatten();
-        if let Some(mover) = number.map(|number| &movers[number]) {
-            let shift = mover.displacement.fixed_rows::<3>(0);
-            let turn: Vector3<f64> = mover.displacement.fixed_rows::<3>(3).into();
-            // The same points of the faces as those of the loads, of which the position is a linear function.
-            let arm = joint.origin + joint.normal * height.constant - mover.centroid;
-            gap.constant -= tilt.dot(&(shift + turn.cross(&arm)));
-            let [u, v] = joint.axes.map(|axis| tilt.dot(&turn.cross(&axis)));
-            let across = tilt.dot(&turn.cross(&joint.normal));
-            gap.slope -= Vector2::new(u, v) + height.slope * across;
+/// Change of the gap of a joint by the motion of one of its blocks, to first order.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Lever {
+    mover: usize,
+    /// Change of the gap at the origin per displacement and rotation \[1\], \[m\].
+    constant: Vector6<f64>,
+    /// Change of the slopes of the gap per rotation \[1/rad\].
+    slopes: [Vector3<f64>; 2],
+}
+
+impl Lever {
+    /// Returns the lever of the block at a side of a joint; none for a block that does not move.
+    pub(crate) fn new(
+        network: &Network,
+        (joint, side): (usize, usize),
+        (movers, of_rock): (&[Mover], &[Option<usize>]),
+    ) -> Option<Self> {
+        let joint = &network.joints[joint];
+        let mover = of_rock.get(joint.faces[side].rock).copied().flatten()?;
+        let (tilt, height) = (&joint.tilts[side], &joint.heights[side]);
+        // The same points of the faces as those of the loads, of which the position is a linear function.
+        let arm = joint.origin + joint.normal * height.constant - movers[mover].centroid;
+        let turn = arm.cross(tilt);
+        let across = joint.normal.cross(tilt);
+        Some(Self {
+            mover,
+            constant: -Vector6::new(tilt.x, tilt.y, tilt.z, turn.x, turn.y, turn.z),
+            slopes: [0, 1].map(|k| -joint.axes[k].cross(tilt) - across * height.slope[k]),
+        })
+    }
+
+    /// Adds the change of the gap by the displacement of the block.
+    pub(crate) fn add(&self, movers: &[Mover], gap: &mut LinearField) {
+        let displacement = &movers[self.mover].displacement;
+        let turn: Vector3<f64> = displacement.fixed_rows::<3>(3).into();
+        gap.constant += self.constant.dot(displacement);
+        for (slope, per_turn) in gap.slope.iter_mut().zip(&self.slopes) {
+            *slope += per_turn.dot(&turn);
         }
     }
-    gap
 }

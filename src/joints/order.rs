@@ -1,15 +1,17 @@
 //! Order of elimination of large networks: nested dissection by position.
 //!
-//! The unknowns are divided into two halves along the longest axis of their box; those of one half that are joined to
-//! the other one separate them and come last (George, SIAM J. Numer. Anal. 10, 345 (1973); by coordinates: Miller,
-//! Teng, Thurston and Vavasis, J. ACM 44, 1 (1997)). The halves are divided in the same way down to small sets, which
+//! The unknowns are divided into two parts along the longest axis of their box, near the middle; those of one part that
+//! are joined to the other one separate them and come last (George, SIAM J. Numer. Anal. 10, 345 (1973); by coordinates: Miller,
+//! Teng, Thurston and Vavasis, J. ACM 44, 1 (1997)). The parts are divided in the same way down to small sets, which
 //! approximate minimum degree orders. The time for the order grows like the number of unknowns times its logarithm.
 
 use crate::ldl::minimum_degree;
 use nalgebra::Vector3;
 
 /// Largest set that minimum degree orders.
-const LEAF: usize = 200;
+const LEAF: usize = 600;
+/// Number of places, in addition to the middle, at which a set may be divided.
+const STEPS: usize = 6;
 
 /// Neighbours of each unknown.
 struct Graph {
@@ -79,24 +81,23 @@ impl Dissection<'_> {
             let order = along(axes[0]).then(along(axes[1])).then(along(axes[2]));
             order.then(a.cmp(&b))
         });
-        let upper = members.split_off(members.len() / 2);
         let [one, other] = [self.sets, self.sets + 1];
         self.sets += 2;
+        let (mut split, mut between) = (0, members.clone());
+        for at in self.splits(&members, axes[0]) {
+            self.mark(&members[..at], one);
+            self.mark(&members[at..], other);
+            let below = self.touching(&members[..at], other);
+            let above = self.touching(&members[at..], one);
+            for found in [below, above] {
+                if found.len() < between.len() {
+                    (split, between) = (at, found);
+                }
+            }
+        }
+        let upper = members.split_off(split);
         self.mark(&members, one);
         self.mark(&upper, other);
-        let touching = |list: &[usize], set: usize| -> Vec<usize> {
-            let is_joined = |&&unknown: &&usize| {
-                let mut others = self.graph.neighbours(unknown).iter();
-                others.any(|&unknown| self.set[unknown] == set)
-            };
-            list.iter().filter(is_joined).copied().collect()
-        };
-        let (below, above) = (touching(&members, other), touching(&upper, one));
-        let between = if above.len() < below.len() {
-            above
-        } else {
-            below
-        };
         let separators = self.sets;
         self.sets += 1;
         self.mark(&between, separators);
@@ -105,6 +106,32 @@ impl Dissection<'_> {
             self.divide(half);
         }
         self.order.extend(between);
+    }
+
+    /// Returns the members of a list that have neighbours in a set.
+    fn touching(&self, list: &[usize], set: usize) -> Vec<usize> {
+        let is_joined = |&&unknown: &&usize| {
+            let mut others = self.graph.neighbours(unknown).iter();
+            others.any(|&unknown| self.set[unknown] == set)
+        };
+        list.iter().filter(is_joined).copied().collect()
+    }
+
+    /// Returns the places at which a list, sorted along an axis, may be divided: the middle, and the widest steps near
+    /// it, where a regular arrangement has planes between its layers.
+    fn splits(&self, members: &[usize], axis: usize) -> Vec<usize> {
+        let count = members.len();
+        let at = |place: usize| self.positions[members[place]][axis];
+        let step = |place: &usize| at(*place) - at(*place - 1);
+        let mut steps: Vec<usize> = (3 * count / 8..=5 * count / 8).collect();
+        steps.sort_by(|a, b| {
+            let middle = |place: usize| place.abs_diff(count / 2);
+            let order = step(b).total_cmp(&step(a));
+            order.then(middle(*a).cmp(&middle(*b))).then(a.cmp(b))
+        });
+        steps.truncate(STEPS);
+        steps.insert(0, count / 2);
+        steps
     }
 
     fn mark(&mut self, members: &[usize], set: usize) {

@@ -89,6 +89,11 @@ impl Mixture {
     }
 
     fn compression_of_liquid(&self, pressure: f64) -> (f64, f64) {
+        if self.air <= 0.0 {
+            let volume = 1.0 - pressure / self.bulk_modulus;
+            let slope = 1.0 / self.bulk_modulus / (volume * volume);
+            return (pressure / self.bulk_modulus / volume, slope);
+        }
         // Differences from 1 preserve the digits of small pressures.
         let gained = -(pressure / self.atmosphere).ln_1p() / self.exponent;
         let (air, water) = (self.air, 1.0 - self.air);

@@ -260,8 +260,9 @@ impl JointWater {
         let mut path = 0.0_f64;
         for k in 0..particles.owned() {
             let id = particles.body[k].id;
-            if let Some((_, motion)) = moved.iter().find(|(rock, _)| self.first + rock == id) {
-                path = path.max(particles.set_block_motion(k, motion));
+            // Blocks come in the order of their ids.
+            if let Ok(at) = moved.binary_search_by_key(&id, |(rock, _)| self.first + rock) {
+                path = path.max(particles.set_block_motion(k, &moved[at].1));
             }
         }
         self.add_time(begin);

@@ -1,6 +1,6 @@
 //! Memory of a network and its flow, counted from the types.
 
-use super::{Channel, JointFlow, LinkResponse};
+use super::{CellSize, Channel, JointFlow, LinkResponse, LinkShape};
 use crate::cells::{Cell, Side};
 use crate::edges::{Junction, Piece};
 use crate::motion::{LoadedCell, Mover};
@@ -28,13 +28,15 @@ impl JointFlow {
             .map(|joint| joint.overlap.corners().len());
         let joined: usize = network.junctions.iter().map(|one| one.pieces.len()).sum();
         let geometry = network.joints.len() * size_of::<Joint>()
-            + network.cells.len() * (size_of::<Cell>() + size_of::<usize>())
+            + network.cells.len()
+                * (size_of::<Cell>() + size_of::<usize>() + size_of::<CellSize>())
             + (corners.sum::<usize>() + overlaps.sum::<usize>()) * corner
             + network.junctions.len() * size_of::<Junction>()
             + (joined + network.open.len()) * size_of::<Piece>()
             + network.links.len() * size_of::<Link>();
-        let link = size_of::<Channel>() + size_of::<LinkResponse>() + 2 * size_of::<f64>();
-        let modes = 3 * self.mode.len() * size_of::<f64>();
+        let link = size_of::<Channel>() + size_of::<LinkShape>() + 2 * size_of::<LinkResponse>();
+        let link = link + 3 * size_of::<f64>();
+        let modes = size_of_val(&self.mode[..]) + size_of_val(&self.turbulences[..]);
         let movers = self.movers.len() * (size_of::<Mover>() + 2 * size_of::<Vector6<f64>>());
         let touches = self.touches.len() * (size_of::<LoadedCell>() + 6 * size_of::<f64>());
         geometry
@@ -44,7 +46,11 @@ impl JointFlow {
             + movers
             + touches
             + self.factors.bytes()
-            + (2 * self.factored[0].len() + self.factored[1].len()) * size_of::<f64>()
+            + self
+                .factored
+                .iter()
+                .map(|part| size_of_val(&part[..]))
+                .sum::<usize>()
     }
 
     /// Returns the number of entries of the factors below their diagonal.

@@ -9,7 +9,6 @@
 use super::JointFlow;
 use crate::network::{End, Network};
 use crate::pairs::{Rock, RockFace};
-use crate::slot::MODES;
 use crate::takeover::{Renewal, TakenOver};
 use decomposition::ExactSum;
 use nalgebra::Vector3;
@@ -56,6 +55,7 @@ impl JointFlow {
         next.take_pressures(self);
         next.take_surplus(self);
         next.take_discharges(self);
+        next.responses_of = None;
         let returned = next.returned_from_lattice(self);
         *self = next;
         let mut water = ExactSum::new();
@@ -158,9 +158,7 @@ impl JointFlow {
             let part = sign * link.width / old.network.links[source].width;
             self.discharge[number] = part * old.discharge[source];
             if self.settings.inertia {
-                for mode in 0..MODES {
-                    self.mode[number * MODES + mode] = part * old.mode[source * MODES + mode];
-                }
+                self.mode[number] = old.mode[source].map(|mode| part * mode);
             }
         }
     }
