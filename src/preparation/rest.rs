@@ -131,7 +131,7 @@ fn farthest<S: Space>(particles: &Particles<S>, domain: &Domain) -> Option<Moved
             .displacement(k)
             .map_or(0.0, |moved| moved.length());
         let body = &particles.body[k];
-        if distance > own.0 || distance == own.0 && body.id < own.1 {
+        if distance.total_cmp(&own.0).then(own.1.cmp(&body.id)).is_gt() {
             own = (distance, body.id, body.radius);
         }
     }
