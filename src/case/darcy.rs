@@ -298,10 +298,10 @@ pub struct Zone {
     pub dip: Option<f64>,
     /// `true` if the ground of the zone consists of the grains of the case, in unsaturated ground: permeability and
     /// volume of the pores then follow the porosity eps of the grains in each cell. The stated permeability K_0 and
-    /// the retention hold at the porosity eps_0, which is `porosity` or else the saturated content: K = K_0 [eps^3/(1
-    /// - eps)^2] / [eps_0^3/(1 - eps_0)^2] (Kozeny and Carman), theta = theta_r + (theta_s eps/eps_0 - theta_r) S_e.
-    /// The water does not move with the grains. Cells belong to the zone that contains their centre. Default: false:
-    /// grains do not change the flow.
+    /// the retention hold at the porosity eps_0, which is `porosity` or else the saturated content. The permeability
+    /// is K_0 [eps^3/(1 - eps)^2]/[eps_0^3/(1 - eps_0)^2] (Kozeny and Carman), the content theta_r + (theta_s
+    /// eps/eps_0 - theta_r) S_e. The water does not move with the grains. Cells belong to the zone that contains
+    /// their centre. Default: false, grains do not change the flow.
     #[serde(default)]
     pub follows_grains: bool,
     /// Retention of the zone in unsaturated ground. Default: that of `unsaturated`.

@@ -252,7 +252,7 @@ fn check(
         .fold(0.0, f64::max);
     let domain = size.iter().copied().fold(0.0, f64::max);
     let ratio = longest / domain;
-    if !(ratio >= EXTENTS[0] && ratio <= EXTENTS[1]) {
+    if !(EXTENTS[0]..=EXTENTS[1]).contains(&ratio) {
         return Err(Fault(
             ".scale",
             format!(
