@@ -11,6 +11,7 @@
 //! | checkpoints of the whole state, written and read | [`checkpoint`] |
 //! | tables as text | [`csv`] |
 //! | tables that users write: names, units, separators | [`sheet`] |
+//! | polylines of drawings | [`dxf`] |
 //! | numbers as functions of time | [`table`] |
 //! | tables as recorded in a checkpoint, for restarts | [`marks`] |
 //! | contents and columns of the HDF5 files of outputs, read by each rank separately | [`fields`] |
@@ -50,6 +51,7 @@ pub mod atomic;
 pub mod checkpoint;
 pub mod csv;
 pub mod data;
+pub mod dxf;
 pub mod error;
 pub mod fields;
 pub mod group;

@@ -105,6 +105,7 @@ CHAPTERS = [
             "darcy/surface.rs",
             "coupling/seepage.rs",
             "coupling/seepage/moist.rs",
+            "coupling/seepage/following.rs",
         ],
     ),
     (

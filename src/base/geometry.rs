@@ -152,6 +152,28 @@ pub struct Mesh {
     pub origin: Option<Vector>,
 }
 
+/// A polyline of a drawing: the only one of its layer.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DrawnLayer {
+    /// DXF file as text (R12 or newer), relative to the case.
+    pub path: PathBuf,
+    /// Layer with one LWPOLYLINE or POLYLINE in the plane of x and y.
+    pub layer: String,
+    /// Length of the unit of the drawing [m]: 0.001 for mm. Default: that of the drawing (`$INSUNITS`).
+    #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub scale: Option<f64>,
+    /// Position of the origin of the drawing in the domain [m]. Default: the origin of the domain.
+    #[serde(default)]
+    pub origin: Option<[f64; 2]>,
+    /// Largest distance between an arc and the chords that replace it [m]. Default: a thousandth of the extent of the
+    /// polyline.
+    #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub tolerance: Option<f64>,
+}
+
 fn one() -> f64 {
     1.0
 }

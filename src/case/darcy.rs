@@ -1,7 +1,7 @@
 //! Seepage through the grains on a coarse grid.
 
 use super::backward_erosion::BackwardErosion;
-use super::geometry::{Extent, Face, Region, Vector};
+use super::geometry::{DrawnLayer, Extent, Face, Region, Vector};
 use darcy::{
     Condition, DragLaw, Equations, Liquid, MeanDiameter, PorosityMethod, Resistance, Retention,
 };
@@ -42,7 +42,7 @@ pub struct Darcy {
     pub zones: Vec<Zone>,
     /// Unsaturated ground: flow in saturated and unsaturated ground, with a phreatic surface and seepage faces. Needs
     /// gravity and zones that fill the ground. Grains in it are loaded by suction, weight and buoyancy of the
-    /// water; they do not change its flow. Default: all ground is saturated.
+    /// water; they change its flow in zones that follow them (`follows_grains`). Default: all ground is saturated.
     #[serde(default)]
     pub unsaturated: Option<Unsaturated>,
     /// Backward erosion piping below an impervious structure. Default: none is computed.
@@ -86,8 +86,8 @@ pub struct Darcy {
     /// `di_felice` with the equations of the paper.
     #[serde(default)]
     pub drag: Option<DragLaw>,
-    /// `true` if the drag is treated semi-implicitly, which stabilises grains whose response time is below the coupling
-    /// interval.
+    /// `true` if the drag is treated semi-implicitly, which stabilises grains whose response time is below the
+    /// coupling interval.
     #[serde(default = "default_true")]
     pub semi_implicit_drag: bool,
     /// Solid steps between two couplings. Default: the largest number for which contacts, drag and bed are stable,
@@ -274,8 +274,8 @@ pub struct EnclosurePlane {
     pub normal: Vector,
 }
 
-/// A region of the ground with its own permeability or porosity. A cell that is cut by a boundary between zones has the
-/// harmonic mean of their permeabilities across the boundary and the arithmetic mean along it.
+/// A region of the ground with its own permeability or porosity. A cell that is cut by a boundary between zones has
+/// the harmonic mean of their permeabilities across the boundary and the arithmetic mean along it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Zone {
@@ -301,12 +301,20 @@ pub struct Zone {
     #[serde(default)]
     #[schemars(range(min = 0.001, max = 1000.0))]
     pub anisotropy: Option<f64>,
-    /// Angle of the bedding against the horizontal in 2-D [deg], positive where the beds rise along x. The permeability
-    /// is then a full tensor. Needs `anisotropy`, gravity along y, a permeability as a number, and saturated ground
-    /// without grains. Default: 0.
+    /// Angle of the bedding against the horizontal in 2-D [deg], positive where the beds rise along x. The
+    /// permeability is then a full tensor. Needs `anisotropy`, gravity along y, a permeability as a number, and
+    /// saturated ground without grains. Default: 0.
     #[serde(default)]
     #[schemars(range(min = -90.0, max = 90.0))]
     pub dip: Option<f64>,
+    /// `true` if the ground of the zone consists of the grains of the case, in unsaturated ground: permeability and
+    /// volume of the pores then follow the porosity eps of the grains in each cell. The stated permeability K_0 and
+    /// the retention hold at the porosity eps_0, which is `porosity` or else the saturated content. The permeability
+    /// is K_0 [eps^3/(1 - eps)^2]/[eps_0^3/(1 - eps_0)^2] (Kozeny and Carman), the content theta_r + (theta_s
+    /// eps/eps_0 - theta_r) S_e. The water does not move with the grains. Cells belong to the zone that contains
+    /// their centre. Default: false, grains do not change the flow.
+    #[serde(default)]
+    pub follows_grains: bool,
     /// Retention of the zone in unsaturated ground. Default: that of `unsaturated`.
     #[serde(default)]
     pub retention: Option<Retention>,
@@ -328,6 +336,8 @@ pub enum ZonePolygon {
     Points(Vec<[f64; 2]>),
     /// Table of the corners, relative to the case, with the columns `x` and `y` [m].
     Path(PathBuf),
+    /// Closed polyline of a drawing.
+    Dxf(DrawnLayer),
 }
 
 /// The permeability of a zone.
@@ -369,15 +379,15 @@ pub struct SeepageBoundary {
     pub patch: Option<Extent>,
     /// Condition of the seepage on the face.
     pub condition: Condition,
-    /// Table of times [s] and values that replace the value of the condition (pressure, head, level, flux, discharge or
-    /// rate): linear between the rows, constant before and after; two values at one time give a jump. Default:
+    /// Table of times [s] and values that replace the value of the condition (pressure, head, level, flux, discharge
+    /// or rate): linear between the rows, constant before and after; two values at one time give a jump. Default:
     /// constant. Needs `unsaturated.transient`.
     #[serde(default)]
     pub history: Option<Vec<[f64; 2]>>,
 }
 
 /// Surface of the ground. Cells whose centres lie above it contain no ground, so that it is a staircase of cells.
-/// Needs a case without grains: grains form their own surface.
+/// Grains in saturated ground form their own surface, so that their case has no terrain.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Terrain {
@@ -398,6 +408,8 @@ pub enum TerrainSurface {
     Points(Vec<Vector>),
     /// Table of the points, relative to the case, with the columns `x`, `y` and, in 3-D, `z` [m].
     Path(PathBuf),
+    /// Open polyline of a drawing (2-D).
+    Dxf(DrawnLayer),
 }
 
 /// Condition on a part of the surface of the ground.

@@ -217,8 +217,8 @@ impl Document {
     }
 }
 
-/// Makes the path of every input file absolute: `{"file": {"path": ..}}`, and the same for `mesh`, `raster`, `polygon`
-/// and `surface`. The original paths are appended to `written`.
+/// Makes the path of every input file absolute: `{"file": {"path": ..}}`, and the same for `mesh`, `raster`, `polygon`,
+/// `surface` and `dxf`. The original paths are appended to `written`.
 fn anchor(tree: &mut Value, directory: &Path, written: &mut Vec<String>) {
     each_path(tree, &mut |path| {
         written.push(path.clone());
@@ -246,7 +246,7 @@ fn each_path(tree: &mut Value, with: &mut impl FnMut(&mut String)) {
             for (key, child) in map {
                 if matches!(
                     key.as_str(),
-                    "file" | "mesh" | "raster" | "polygon" | "surface"
+                    "file" | "mesh" | "raster" | "polygon" | "surface" | "dxf"
                 ) && let Some(Value::String(path)) = child.get_mut("path")
                 {
                     with(path);

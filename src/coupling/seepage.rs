@@ -23,8 +23,8 @@
 //! the law of resistance, in dilute water the drag of a grain alone
 //! ([`darcy::resistance::ResistanceFormula::dilute`]), and between them a weighted mean
 //! ([`dense_share`](darcy::drag::gidaspow::dense_share)). The porosity of the drag in dilute water is that of the
-//! neighbourhood ([`darcy::neighbourhood`]): a lone grain falls like an isolated sphere, however small its cell. `R` is
-//! the resistance of open water ([`darcy::open_water`]) and of zones without grains.
+//! neighbourhood ([`darcy::neighbourhood`]): a lone grain falls like an isolated sphere, however small its cell. `R`
+//! is the resistance of open water ([`darcy::open_water`]) and of zones without grains.
 //!
 //! **Dilute water.** A few grains do not move the water around them, which is held by its inertia and the walls.
 //! The factor `c` falls from 1 at a solid fraction of 0.05 to 0 at 0.02; the rest of the reaction is counted as
@@ -51,7 +51,8 @@
 //! in the published fissure model, where both velocities are interstitial, `b (u - v)` with `u = -K/(mu eps) grad
 //! p`, there is no buoyancy, and open water has the resistance of the largest porosity.
 //!
-//! **Unsaturated ground** has a load of its own, which depends on the suction ([`moist`]).
+//! **Unsaturated ground** has a load of its own, which depends on the suction ([`moist`]). Its permeability and pore
+//! volume may follow the grains ([`following`]).
 //!
 //! **Rounds.** Coefficients and pressure are computed alternately until they no longer change. A round takes the
 //! coefficients at the speed that solves the law of its cell for the present gradient to first order, or, from the
@@ -71,6 +72,7 @@
 
 mod balance;
 mod bed;
+mod following;
 mod medium;
 mod moist;
 mod parts;
@@ -90,6 +92,7 @@ use darcy::{
 use decomposition::{Communicator, Domain, ExactSum};
 use dem::particles::{Load, Particles};
 use dem::space::{Components, Space};
+use following::Following;
 use moist::Moist;
 use parts::Parts;
 use std::marker::PhantomData;
@@ -114,8 +117,8 @@ pub struct SeepageSettings {
     pub drag: DragLaw,
     /// Form of the equations.
     pub equations: Equations,
-    /// `true` if moving grains displace water: the bed moves, or the change of porosity is a source in the equations as
-    /// printed.
+    /// `true` if moving grains displace water: the bed moves, or the change of porosity is a source in the equations
+    /// as printed.
     pub transient_porosity: bool,
     /// `true` if the drag on a grain is taken at the end of the interval if it stops the grain within the interval.
     pub semi_implicit_drag: bool,
@@ -184,6 +187,8 @@ pub struct Seepage<Sp: Space> {
     water: Water,
     moist: Moist,
     interruption: InterruptedCoupling,
+    /// Unsaturated ground that follows the grains.
+    following: Following,
     space: PhantomData<Sp>,
 }
 
@@ -222,6 +227,7 @@ impl<Sp: Space> Seepage<Sp> {
             sums: Sums::default(),
             moist: Moist::default(),
             interruption: InterruptedCoupling::default(),
+            following: Following::default(),
             space: PhantomData,
         }
     }
@@ -231,6 +237,14 @@ impl<Sp: Space> Seepage<Sp> {
     pub fn with_zones(mut self, zones: Arc<Zones>) -> Self {
         let permeability_of_zones = ZonePermeability::new(&zones, self.grid().count());
         self.zones = Some((zones, permeability_of_zones));
+        self
+    }
+
+    /// Makes permeability and pore volume of unsaturated ground follow the grains: `reference` is the porosity to
+    /// which the values of each cell refer, 0 for cells that do not follow.
+    #[must_use]
+    pub fn with_following(mut self, reference: Vec<f64>) -> Self {
+        self.following = Following::new(reference);
         self
     }
 

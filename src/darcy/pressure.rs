@@ -833,6 +833,12 @@ impl Pressure {
         std::array::from_fn(|a| gradient[a] + weight[a])
     }
 
+    /// Returns `true` for a cell inside the walls that no drain and no surface of the ground has removed.
+    #[must_use]
+    pub fn conducts(&self, cell: usize) -> bool {
+        self.conduction.conducts[cell]
+    }
+
     /// Returns the reduced pressure of a cell \[Pa\]; 0 outside the walls.
     #[must_use]
     pub fn reduced(&self, cell: usize) -> f64 {

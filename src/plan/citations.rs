@@ -136,6 +136,7 @@ pub const MODELS: &[(&str, Models)] = &[
             ),
             ("transient", &["celia1990", "alexander1977"]),
             ("effective_stress", &["bishop1959", "lu2010"]),
+            ("follows_grains", &["carman1937"]),
             (
                 "backward_erosion",
                 &[
@@ -453,6 +454,9 @@ fn seepage_models(scene: &Scene, used: &mut Vec<(&'static str, String)>) {
     if written.unsaturated.is_some() {
         if scene.grains.is_some() {
             used.push(("seepage", "effective_stress".into()));
+        }
+        if written.zones.iter().any(|zone| zone.follows_grains) {
+            used.push(("seepage", "follows_grains".into()));
         }
     } else if scene.grains.is_some() || !scene.bodies.is_empty() {
         used.push(("seepage", "open_water".into()));

@@ -13,6 +13,7 @@ pub mod contacts;
 mod coupling_interval;
 pub(crate) mod critical_step;
 pub mod device;
+mod drawings;
 pub mod ends;
 pub mod envelope;
 pub mod estimate;
@@ -151,11 +152,12 @@ impl Plan {
 
     fn planned_from(document: Document, like: Option<&Self>) -> Result<Self, Vec<Problem>> {
         let Document {
-            case,
+            mut case,
             problems: mut all,
             sources,
-            canonical,
+            mut canonical,
         } = document;
+        all.extend(drawings::replace(&mut case, &mut canonical));
         let refused_fields = all.iter().filter(|p| p.severity == Severity::Error);
         let wrong: Vec<String> = refused_fields.map(|p| p.path.clone()).collect();
         let (plan, found) = Self::try_plan(&case, like, &wrong);

@@ -384,9 +384,16 @@ impl Choices<'_> {
             let reason = if without_grains {
                 "there are no grains"
             } else {
-                "grains in unsaturated ground do not change its flow"
+                "grains in unsaturated ground do not change its flow, except in zones that follow them"
             };
             self.add("permeability", "the resistance of the zones", reason);
+            if !seepage.following.is_empty() {
+                self.add(
+                    "ground that follows the grains",
+                    "permeability by Kozeny-Carman, pore volume in proportion to the porosity of the grains",
+                    "requested by `follows_grains`; suction and water content over it are those of the zone",
+                );
+            }
         } else {
             let resistance = written.resistance().model().description();
             let porosity = written.porosity.model().description();
@@ -487,11 +494,19 @@ impl Choices<'_> {
             )
         };
         self.add("load on grains", load, reason);
-        self.add(
-            "not computed",
-            "resistance of the water to the motion of grains, flow through ground that has moved",
-            "permeability and retention remain those of the zones",
-        );
+        let follows = (self.scene.seepage.as_ref()).is_some_and(|s| !s.following.is_empty());
+        let (missing, reason) = if follows {
+            (
+                "resistance of the water to the motion of grains, change of the suction with the pores",
+                "permeability and pore volume follow the grains at each coupling",
+            )
+        } else {
+            (
+                "resistance of the water to the motion of grains, flow through ground that has moved",
+                "permeability and retention remain those of the zones without `follows_grains`",
+            )
+        };
+        self.add("not computed", missing, reason);
     }
 
     /// Adds the closure of backward erosion and its limits.

@@ -351,7 +351,10 @@ pub fn seepage<S: Space>(
     let pores = plan::explicit_drag::pores(scene, &openness);
     let pressure = pressure_of(plan, scene, &openness, communicator)?;
     let settings = seepage_settings(plan, scene, pores.mean());
-    let seepage = Seepage::new(openness, pores, pressure, settings, communicator);
+    let mut seepage = Seepage::new(openness, pores, pressure, settings, communicator);
+    if !scene.following.is_empty() {
+        seepage = seepage.with_following(scene.following.clone());
+    }
     Ok(Some(match &scene.zones {
         Some(zones) => seepage.with_zones(Arc::clone(zones)),
         None => seepage,

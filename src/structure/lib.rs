@@ -32,6 +32,7 @@ mod solid;
 
 pub use facets::Facets;
 pub use images::Images;
+pub use polygon::crossing;
 pub use solid::{Frame, ReadMesh, Solid};
 
 use base::error::Report;

@@ -4,7 +4,7 @@ use super::facets::{double_area, turn};
 use super::solid::{ON_SURFACE, Scope, Solid, between, merge_parts};
 use super::{Facets, Point};
 use base::error::Report;
-use base::geometry::Axis;
+use base::geometry::{Axis, DrawnLayer};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -15,8 +15,12 @@ use std::sync::Arc;
 #[schemars(inline)]
 pub struct Polygon {
     /// Corners in order [m]. In 3-D these are coordinates along the two other axes than `axis`, in the order x, y, z.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(extend("minItems" = 3))]
     pub points: Vec<[f64; 2]>,
+    /// Closed polyline of a drawing, in place of `points`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dxf: Option<DrawnLayer>,
     /// Axis of the prism (3-D only).
     #[serde(default)]
     pub axis: Option<Axis>,
@@ -51,6 +55,15 @@ impl Polygon {
                 return None;
             }
         };
+        if self.dxf.is_some() {
+            report.error(
+                &format!("{path}.dxf"),
+                "drawings are read for `structures`, and for zones and terrain of the seepage"
+                    .into(),
+                "list the corners in `points`".into(),
+            );
+            return None;
+        }
         let path = format!("{path}.points");
         let finite = self.points.iter().flatten().all(|x| x.is_finite());
         if self.points.len() < 3 || !finite {
@@ -112,8 +125,10 @@ fn to_edge(at: PlanePoint, a: PlanePoint, b: PlanePoint) -> f64 {
     squared(at, [a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])])
 }
 
-/// Returns two edges that intersect other than as neighbours, by the indices of their first corners.
-fn crossing(points: &[PlanePoint]) -> Option<(usize, usize)> {
+/// Returns two edges of a closed polygon that intersect other than as neighbours, by the indices of their first
+/// corners.
+#[must_use]
+pub fn crossing(points: &[PlanePoint]) -> Option<(usize, usize)> {
     let n = points.len();
     let edge = |k: usize| (points[k], points[(k + 1) % n]);
     for k in 0..n {

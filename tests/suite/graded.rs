@@ -8,8 +8,8 @@ use solver::plan::Plan;
 use std::f64::consts::PI;
 use std::path::Path;
 
-/// Cells of the sheet pile: as fine at its tip as the equal cells of the example, and wider by at most a tenth from one
-/// to the next.
+/// Cells of the sheet pile: as fine at its tip as the equal cells of the example, and wider by at most a tenth from
+/// one to the next.
 const PILE: &str = r#"fluid.darcy.grid={"spacing": [
     {"points": [[0, 0.24], [2.95, 0.0125], [3.05, 0.0125], [6, 0.24]]},
     {"points": [[0, 0.05], [0.45, 0.0125], [0.55, 0.0125], [1, 0.02]]}]}"#;
@@ -21,8 +21,8 @@ fn number(summary: &serde_json::Value, path: &str) -> f64 {
         .unwrap()
 }
 
-/// Checks discharge k h/2 and exit gradient of a sheet pile to half the depth of its ground (Harr 1962): a fifth of the
-/// cells has the error of equal cells.
+/// Checks discharge k h/2 and exit gradient of a sheet pile to half the depth of its ground (Harr 1962): a fifth of
+/// the cells has the error of equal cells.
 #[test]
 fn a_sheet_pile_has_the_error_of_equal_cells_on_a_fifth_of_them() {
     let _beside = beside_others();
@@ -120,9 +120,9 @@ fn findings(example: &str, sets: &[&str]) -> Vec<(String, String)> {
 }
 
 /// Checks that widths that are all equal are the equal cells of `cells`, that a domain without a spacing gets one, and
-/// that nothing is promised on cells of different widths.
+/// that the plan says why it promises nothing for other widths.
 #[test]
-fn equal_widths_are_equal_cells_and_others_have_no_promise() {
+fn equal_widths_are_equal_cells_and_others_have_their_own_promises() {
     let widths = r#"fluid.darcy.grid={"spacing": [{"width": 0.125}, {"points": [[0, 0.125]]}]}"#;
     let plan = planned("sheet-pile", &[widths]).unwrap();
     let seepage = plan.scene.seepage.as_ref().unwrap();
@@ -137,10 +137,81 @@ fn equal_widths_are_equal_cells_and_others_have_no_promise() {
         "{}",
         plan.scene.grid.spacing
     );
-    assert_eq!(plan.scene.chosen.promised, None);
     let said = plan.to_string();
-    assert!(said.contains("cells of different widths"), "{said}");
     assert!(said.contains("m along x"), "{said}");
+    let ground = plan.scene.chosen.ground.as_ref().unwrap();
+    assert_eq!(ground.kind, "saturated ground, graded cells");
+    assert!(
+        (ground.widening - 0.077).abs() < 0.005,
+        "{}",
+        ground.widening
+    );
+    // Cells of 19 mm touch the surface, the wider ones at the edges.
+    assert!((ground.cells() - 25.9).abs() < 0.5, "{}", ground.cells());
+    for (grid, reason) in [
+        (
+            r#"[{"widths": [2, 1, 0.2, 0.8, 2]}, {"width": 0.1}]"#,
+            "differ in width by a factor of 5",
+        ),
+        (
+            r#"[{"points": [[0, 0.2], [2.9, 0.1], [6, 0.2]]}, {"width": 0.1}]"#,
+            "makes their end a face",
+        ),
+    ] {
+        let plan = planned(
+            "sheet-pile",
+            &[&format!("fluid.darcy.grid={{\"spacing\": {grid}}}")],
+        )
+        .unwrap();
+        assert_eq!(plan.scene.chosen.promised, None);
+        let said = plan.to_string();
+        assert!(said.contains(reason), "{said}");
+    }
+}
+
+/// Checks the promised errors of a sheet pile on graded cells against the measured ones, on three nested grids.
+#[test]
+fn the_errors_of_a_sheet_pile_are_within_their_promises() {
+    let _beside = beside_others();
+    let study = Study::from_example(
+        "sheet-pile",
+        &[("output", "{}"), ("fluid.darcy.tolerance", "1e-10")],
+    );
+    let exit = 0.1 * PI / (4.0 * 1.854_074_677_301_371_7 * (0.25 * PI).sin());
+    for (n, factor) in [1.0, 0.5, 4.0].into_iter().enumerate() {
+        let grid = format!(
+            r#"fluid.darcy.grid={{"spacing": [{{"points": [[0, {a}], [3, {b}], [6, {a}]]}},
+                {{"points": [[0, {c}], [0.5, {b}], [1, {b}]]}}]}}"#,
+            a = 0.24 * factor,
+            b = 0.0125 * factor,
+            c = 0.05 * factor
+        );
+        let run = format!("run{n}");
+        study.run(&run, 1, 1, &[&grid]);
+        let summary = study.summary(&run);
+        let plan = planned("sheet-pile", &[&grid]).unwrap();
+        for (name, found, exact) in [
+            (
+                "seepage.outflow",
+                number(&summary, "/seepage/outflow"),
+                5e-6,
+            ),
+            (
+                "seepage.exit_gradients.downstream.gradient",
+                number(&summary, "/seepage/exit_gradients/downstream/gradient"),
+                exit,
+            ),
+        ] {
+            let answers = &plan.scene.chosen.answers;
+            let promised = answers.iter().find(|answer| answer.answer == name).unwrap();
+            let (error, promised) = ((found / exact - 1.0).abs(), promised.error.unwrap());
+            println!("{name} {factor}: {error} {promised}");
+            assert!(
+                error <= promised && promised < 0.3,
+                "{name}: {error} {promised}"
+            );
+        }
+    }
 }
 
 #[test]
@@ -198,7 +269,8 @@ fn wrong_grids_are_refused_by_name() {
     }
 }
 
-/// Checks that an estimate halves the cells, and that its intervals contain the exact discharge and exit gradient.
+/// Checks that an estimate halves the cells twice, and that its intervals contain the exact discharge and exit
+/// gradient.
 #[test]
 fn an_estimate_halves_graded_cells() {
     let folder = tempfile::tempdir().unwrap();
@@ -214,7 +286,10 @@ fn an_estimate_halves_graded_cells() {
     let mut more = vec!["--output", output.to_str().unwrap()];
     sets.iter().for_each(|set| more.extend(["--set", set]));
     let said = done(&file, &more);
-    assert!(said.contains("grid-0.5"), "{said}");
+    assert!(
+        said.contains("grid-0.5") && said.contains("grid-0.25"),
+        "{said}"
+    );
     let text = std::fs::read_to_string(output.join("1-case/summary.json")).unwrap();
     let summary: serde_json::Value = serde_json::from_str(&text).unwrap();
     let rows = summary["estimate"]["answers"].as_array().unwrap();

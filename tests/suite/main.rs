@@ -22,6 +22,7 @@ mod claims;
 mod collapse;
 mod dams;
 mod dice;
+mod drawings;
 mod drives;
 mod element_tests;
 mod estimate;

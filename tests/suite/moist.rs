@@ -24,8 +24,8 @@ fn columns<const N: usize>(study: &Study, file: &str, names: [&str; N]) -> Vec<[
     lines.map(row).collect()
 }
 
-/// Checks bonds that weaken with the saturation: a front of constant shape descends with (R - K_i)/(theta_R - theta_i),
-/// and a bond fails at the saturation at which its strength is the weight less the buoyancy.
+/// Checks bonds that weaken with the saturation: a front of constant shape descends with (R - K_i)/(theta_R -
+/// theta_i), and a bond fails at the saturation at which its strength is the weight less the buoyancy.
 #[test]
 fn stones_fall_as_the_front_of_rain_passes() {
     let _beside = beside_others();
@@ -100,8 +100,8 @@ fn a_bridged_column_collapses_on_wetting_and_not_when_dry() {
 }
 
 /// Checks a layer of discs of diameter d under a roof, held by suction alone: the effective stress with chi = S_e =
-/// exp(alpha psi) at the roof, `rho_w g h exp(-alpha h)`, against the weight of discs and water, `pi/4 rho_s g d + (1 -
-/// pi/4) S rho_w g d`.
+/// exp(alpha psi) at the roof, `rho_w g h exp(-alpha h)`, against the weight of discs and water, `pi/4 rho_s g d + (1
+/// - pi/4) S rho_w g d`.
 #[test]
 fn suction_holds_what_the_formula_of_bishop_holds() {
     let _beside = beside_others();
@@ -159,6 +159,108 @@ fn suction_holds_what_the_formula_of_bishop_holds() {
         let found = roof(name, part);
         assert!((found / exact - 1.0).abs() < 0.01, "{found} {exact}");
     }
+}
+
+/// Discs of 8 mm in ground of cells of 1 cm, in zones that follow the grains or not; `zones`, `soil` and `boundaries`
+/// are JSON. The discs lie at `at`.
+fn followed(at: &[[f64; 2]], zones: &str, soil: &str, boundaries: &str) -> Study {
+    let discs: Vec<String> = at
+        .iter()
+        .map(|[x, y]| format!(r#"{{"position": [{x}, {y}], "radius": 0.004}}"#))
+        .collect();
+    Study::new(&format!(
+        r#"{{
+        "domain": {{"size": [0.06, 0.08], "spacing": 0.01}}, "gravity": [0, -9.81],
+        "materials": {{"stone": {{"density": 2650}}}},
+        "fluid": {{"darcy": {{"density": 1000, "viscosity": 1e-3, "tolerance": 1e-12, "coupling_interval": 20,
+            "zones": {zones}, "unsaturated": {soil}, "boundaries": {boundaries}}}}},
+        "grains": {{"material": "stone", "initial": {{"list": [{}]}}}},
+        "contact": {{"linear": {{"normal_stiffness": {{"absolute": 1e6}}, "friction_angle_degrees": 20,
+            "normal_damping_ratio": 0.3, "shear_damping_ratio": 0.3}}}},
+        "box_walls": ["x_min", "x_max", "y_min", "y_max"], "box_wall_material": "stone",
+        "checkpoint": {{"every": 0.005}},
+        "time": {{"end": 0.3, "solid_time_step": 5e-5}}, "output": {{"grains": {{"every": 0.3}}}}}}"#,
+        discs.join(", ")
+    ))
+}
+
+const HELD: &str = r#"[{"name": "top", "face": "y_max", "condition": {"head": {"value": 0.12}}},
+    {"name": "base", "face": "y_min", "condition": {"head": {"value": 0.11}}}]"#;
+const SOIL: &str = r#"{"retention": {"gardner": {"alpha": 3, "saturated_content": 0.4, "residual_content": 0.05}}"#;
+
+fn number(study: &Study, run: &str, field: &str) -> f64 {
+    study.summary(run)["seepage"][field].as_f64().unwrap()
+}
+
+/// Checks the permeability of Kozeny and Carman at the porosity of the grains, 1 - pi 4²/10²: a disc in every cell.
+#[test]
+fn saturated_ground_conducts_by_the_porosity_of_its_grains() {
+    let _beside = beside_others();
+    let centres: Vec<[f64; 2]> = (0..48)
+        .map(|n| {
+            [
+                0.01 * f64::from(n % 6) + 0.005,
+                0.01 * f64::from(n / 6) + 0.005,
+            ]
+        })
+        .collect();
+    let zone = |more: &str| {
+        format!(
+            r#"[{{"name": "ground", "permeability": {{"hydraulic_conductivity": 1e-3}}{more}}}]"#
+        )
+    };
+    let outflow = |more: &str| {
+        let study = followed(&centres, &zone(more), &format!("{SOIL}}}"), HELD);
+        study.run(
+            "one",
+            1,
+            1,
+            &["time.end=5e-5", "fluid.darcy.coupling_interval=1"],
+        );
+        number(&study, "one", "outflow")
+    };
+    let plain = 1e-3 * 0.06 * 0.01 / 0.08;
+    assert!((outflow("") / plain - 1.0).abs() < 1e-9);
+    let law = |eps: f64| eps.powi(3) / (1.0 - eps).powi(2);
+    let porosity = 1.0 - std::f64::consts::PI * 0.16;
+    for (more, reference) in [("", 0.4), (r#", "porosity": 0.3"#, 0.3)] {
+        let found = outflow(&format!(r#", "follows_grains": true{more}"#));
+        let exact = plain * law(porosity) / law(reference);
+        // The discs fall by 5e-8 m before the flow is computed.
+        assert!((found / exact - 1.0).abs() < 1e-4, "{found} {exact}");
+    }
+}
+
+/// Checks discs that fall through water into ground that follows them: it expels their volume, the mass of water
+/// closes, and the bits are the same on ranks, threads and after a restart.
+#[test]
+fn ground_that_grains_enter_expels_their_volume() {
+    let _beside = beside_others();
+    let discs: Vec<[f64; 2]> = (0..6)
+        .map(|n| [0.01 * f64::from(n) + 0.005, 0.0441])
+        .collect();
+    let zones = r#"[{"name": "upper", "permeability": {"hydraulic_conductivity": 1e-3}},
+        {"name": "lower", "region": {"layer": {"to": 0.04}}, "permeability": {"hydraulic_conductivity": 1e-3},
+            "follows_grains": true}]"#;
+    let soil = format!(r#"{SOIL}, "transient": {{"initial": "steady"}}}}"#);
+    let study = followed(&discs, zones, &soil, HELD);
+    study.run("one", 1, 1, &[]);
+    let net = number(&study, "one", "water_out") - number(&study, "one", "water_in");
+    let volume = 6.0 * std::f64::consts::PI * 0.004_f64.powi(2);
+    assert!(number(&study, "one", "mass_error").abs() < 1e-9);
+    assert!((net / volume - 1.0).abs() < 1e-3, "{net} {volume}");
+    // The discs begin to enter the ground at once.
+    let short = "time.end=0.01";
+    study.run("short", 1, 1, &[short]);
+    let seepage = |run: &str| study.summary(run)["seepage"].clone();
+    for (name, ranks, threads) in [("two", 2, 2), ("three", 3, 1)] {
+        study.run(name, ranks, threads, &[short]);
+        study.same("short", name);
+        assert_eq!(seepage(name), seepage("short"), "{name}");
+    }
+    study.run("parts", 2, 1, &["time.end=0.005"]);
+    study.restart("parts", 3, &[short]).expect(0);
+    study.same("short", "parts");
 }
 
 /// Returns the paths and reasons of the findings of the example with changes.

@@ -4,6 +4,7 @@
     promises.py --solver SOLVER --output DIR --rows src/plan/scene/auto/measured_ground.csv
     promises.py --solver SOLVER --output DIR --table promises.csv --seed 303 --count 60
     promises.py --solver SOLVER --output DIR --table promises.csv --seed 304 --count 60 --levels draft normal reference
+    promises.py --solver SOLVER --output DIR --rows src/plan/scene/auto/measured_graded.csv --kinds graded
     promises.py --table promises.csv --summary
 
 `--rows` draws problems from the families of scenes.py and from those below, whose edges lie anywhere in a cell, with random numbers of
@@ -34,7 +35,7 @@ import shutil
 
 import exact
 import scenes
-from scenes import FAMILIES, FINER, Ground, answer_of, base, between, conducts, depth_of, digits, layering, one_line, probe, zone
+from scenes import FAMILIES, FINER, GRADED, KINDS, Ground, answer_of, between, depth_of, digits, layering, on_structure, one_line, probe, with_widths, zone
 
 MOST_CELLS = 1.0e5
 
@@ -137,38 +138,17 @@ def structure(draw):
     """Returns a dam as a polygon, with a cut-off or none: uplift, thrust and moment on the structure."""
     ground = Ground(draw, 1.2, 1.2, layering(draw), 40)
     cut = depth_of(draw, ground) if draw.random() < 0.7 else 0
-    strip = ground.exact(cut)
-    made = ground.case([zone(ground.k, ground.ratio)], 0, [])
-    top, thin = ground.depth, 1e-4 * ground.h
-    high = (ground.cells[1] + math.ceil(1 / ground.h)) * ground.h
-    wall = [[ground.wall - thin, top], [ground.wall - thin, top - cut], [ground.wall + thin, top - cut], [ground.wall + thin, top]] if cut else []
-    corners = [[ground.heel, top], *wall, [ground.toe, top], [ground.toe, high], [ground.heel, high]]
-    made["structures"] = [{"name": "dam", "shape": {"polygon": {"points": corners}}}]
-    # The dam stands in the domain, above the grid.
-    made["domain"]["size"] = [ground.size[0], high]
-    made["probes"] = [probe("dam", 1, {"structure": {"name": "dam", "about": [ground.heel, top]}})]
-    drop, rest, width = ground.upper - ground.lower, ground.lower - ground.depth, ground.toe - ground.heel
-    force, moment = strip.base()
-    answers = [("dam: fluid_force_y, last", scenes.WEIGHT * (drop * force + rest * width), scenes.ENDS * scenes.WEIGHT * drop * width)]
-    thrust = turned = 0.0
-    if cut:
-        # x = 0 is the cut-off, whose two sides have different heads.
-        near = 1e-9 * ground.depth
-        thrust = exact.integral(lambda y: strip.share(-near, y) - strip.share(near, y), 0, cut)
-        turned = exact.integral(lambda y: y * (strip.share(-near, y) - strip.share(near, y)), 0, cut)
-        answers.append(("dam: fluid_force_x, last", scenes.WEIGHT * drop * thrust, scenes.ENDS * scenes.WEIGHT * drop * cut))
-    full = drop * (moment + turned) + 0.5 * rest * width * width
-    answers.append(("dam: fluid_torque_z, last", scenes.WEIGHT * full, scenes.ENDS * scenes.WEIGHT * drop * width * width))
-    return made, answers
+    return on_structure(ground, cut)
 
 
 OWN = {"structure": structure, "loose pile": loose_pile, "loose dam": loose_dam, "loose layers": loose_layers, "thin base": thin_base, "flat dam": flat_dam, "loose flat": loose_flat}
-ALL = {**FAMILIES, **OWN}
+ALL = {**FAMILIES, **OWN, **GRADED}
 COUNTS = {
     "pile": 12, "dam": 14, "toe": 12, "bedding": 10, "layers": 14, "earth": 24, "capillary": 14, "drain": 10, "linear": 10, "suction": 8, "soak": 16,
     "drawdown": 8, "well": 6, "consolidation": 8, "loose pile": 8, "loose dam": 10, "loose layers": 8, "thin base": 8,
     "structure": 10, "flat dam": 20, "loose flat": 10,
 }
+GRADED_COUNTS = {"graded pile": 16, "graded dam": 18, "graded base": 14, "graded toe": 14, "graded structure": 14, "graded layers": 14}
 BY_FINER = {**FINER, "loose layers": 1}
 
 
@@ -204,6 +184,8 @@ def resized(case, factor):
     """The case on cells of another size, with the same steps in time; none if its cells cannot be divided."""
     made = json.loads(json.dumps(case))
     grid = made["fluid"]["darcy"]["grid"]
+    if "spacing" in grid:
+        return with_widths(made, factor)
     narrow = grid["cells"][0] <= 4
     cells = [n if narrow and a == 0 else n * factor for a, n in enumerate(grid["cells"])]
     if any(n != round(n) for n in cells) or min(cells[0] if not narrow else 9, cells[1]) < 4:
@@ -274,7 +256,7 @@ def measured(runner, options, family, number):
     factors = [1, 0.5, 0.25] if family in BY_FINER else [2, 1, 0.5, 0.25]
     for factor in factors:
         other = resized(case, factor)
-        if other is None or math.prod(other["fluid"]["darcy"]["grid"]["cells"]) > MOST_CELLS:
+        if other is None or math.prod(other["fluid"]["darcy"]["grid"].get("cells", [1])) > MOST_CELLS:
             continue
         at = folder / f"cells{factor}"
         values, why = run(runner, other, at, names)
@@ -284,6 +266,8 @@ def measured(runner, options, family, number):
         chosen, _, why = plan(runner, at / "case.json")
         if not chosen or not chosen["ground"]:
             print(family, number, factor, "no ground:", why or [r["text"] for r in chosen["reasons"]], flush=True)
+            if family in GRADED:
+                continue
             return []
         for name, value, (truth, uncertain) in zip(names, values, true):
             entry = promised(chosen, name)
@@ -299,7 +283,8 @@ def measured(runner, options, family, number):
             if cells < 1.4 and "within cells" not in chosen["ground"]["kind"]:
                 # A length of one cell is not resolved: such ground has no promise.
                 continue
-            rows.append([chosen["ground"]["kind"], entry["kind"], f"{family} {number}", f"{cells:.3g}", f"{largest[name]:.3g}"])
+            widening = [f"{chosen['ground']['widening']:.3g}"] if family in GRADED else []
+            rows.append([chosen["ground"]["kind"], entry["kind"], f"{family} {number}", f"{cells:.3g}", *widening, f"{largest[name]:.3g}"])
     if not options.keep:
         shutil.rmtree(folder)
     return rows
@@ -314,8 +299,9 @@ def make_rows(runner, options):
         with open(path) as lines:
             for row in csv.reader(lines):
                 done.setdefault(row[0], []).append(row[1:])
-    for family, count in COUNTS.items():
-        if family not in options.families:
+    graded = options.kinds == "graded"
+    for family, count in (GRADED_COUNTS if graded else COUNTS).items():
+        if options.families and family not in options.families:
             continue
         for number in range(count):
             if f"{family} {number}" in done:
@@ -328,7 +314,7 @@ def make_rows(runner, options):
     rows = [row for problem in done.values() for row in problem if row[0]]
     rows.sort(key=lambda row: (row[0], row[1], row[2], float(row[3])))
     with open(options.rows, "w", newline="") as file:
-        file.write("ground,answer,problem,cells,error\n")
+        file.write(f"ground,answer,problem,cells,{'widening,' if graded else ''}error\n")
         csv.writer(file, lineterminator="\n").writerows(rows)
 
 
@@ -362,9 +348,9 @@ def of_level(case, level):
 
 def scene(runner, options, number):
     draw = random.Random(f"soil {options.seed}/{number}")
-    families = list(FAMILIES)
+    families = options.families or list(KINDS[options.kinds])
     family = families[number % len(families)]
-    case, answers = with_front(*FAMILIES[family](draw), family)
+    case, answers = with_front(*ALL[family](draw), family)
     folder = pathlib.Path(options.output).resolve() / f"promise_{options.seed}_{number:03}"
     names = [name for name, *_ in answers]
     true, why = truths(runner, case, folder, answers, family)
@@ -412,7 +398,7 @@ def summary(path):
         print("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|")
         levels = [level for level in ("", "draft", "normal", "reference") if any(row["level"] == level for row in of)]
         for level in levels:
-            for family in [*[f for f in FAMILIES if any(row["family"] == f for row in of)], "all"]:
+            for family in [*[f for f in KINDS["all"] if any(row["family"] == f for row in of)], "all"]:
                 own = [row for row in of if family in (row["family"], "all") and row["level"] == level]
                 count = {o: sum(row["outcome"] == o for row in own) for o in ("kept", "open", "broken", "no promise", "not judged", "cost", "failed")}
                 judged = count["kept"] + count["open"] + count["broken"]
@@ -438,7 +424,8 @@ def main():
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--count", type=int, default=60)
     parser.add_argument("--levels", nargs="+", choices=["draft", "normal", "reference"], default=[])
-    parser.add_argument("--families", nargs="+", default=list(ALL), choices=list(ALL))
+    parser.add_argument("--kinds", default="equal", choices=list(KINDS), help="families on equal or on graded cells")
+    parser.add_argument("--families", nargs="+", choices=list(ALL))
     parser.add_argument("--keep", action="store_true", help="keep the folders of the runs")
     parser.add_argument("--summary", action="store_true", help="no runs: print the table by family")
     options = parser.parse_args()

@@ -79,6 +79,32 @@ def zone(k, ratio=1.0, **more):
     return {**made, "anisotropy": ratio} if ratio > 1 else made
 
 
+def points(edges, ends, width, widening, plateau):
+    """Widths of cells: `width` at edges and up to `plateau` from them, and wider by `widening` of the distance beyond."""
+    near = 1e-6 * (ends[1] - ends[0])
+    edges = sorted(set(edges))
+    edges = [at for n, at in enumerate(edges) if n == 0 or at - edges[n - 1] > near]
+    found = {}
+
+    def widen(at, away):
+        found[digits(at, 12)] = width + widening * max(away - plateau, 0)
+
+    for at in edges:
+        found[digits(at, 12)] = width
+    for low, high in zip(edges, edges[1:]):
+        half = 0.5 * (high - low)
+        if half > 1.5 * plateau + width:
+            widen(0.5 * (low + high), half)
+            for at in (low + plateau, high - plateau) if plateau > 0 else ():
+                widen(at, 0)
+    for end, edge, side in ((ends[0], edges[0], -1), (ends[1], edges[-1], 1)):
+        if abs(end - edge) > 1.5 * plateau + width:
+            widen(end, abs(end - edge))
+            if plateau > 0:
+                widen(edge + side * plateau, 0)
+    return [[at, found[at]] for at in sorted(found)]
+
+
 class Ground:
     """A stratum under a flat base from x1 to x2, with a cut-off at a plane between cells or none, drawn with its grid."""
 
@@ -159,6 +185,42 @@ class Ground:
         return ("point: head, last", self.lower + drop * share, ENDS * drop)
 
 
+class GradedGround(Ground):
+    """A stratum under a base that lies anywhere, on cells that widen away from heel, toe and the ends of the cut-off."""
+
+    def __init__(self, draw, left, right, ratio, chance=0.0):
+        """`left` and `right`: smallest and largest lengths of the base on both sides of the cut-off in depths, or none; `chance`: of a cut-off."""
+        self.depth = within(draw, 3, 20, 2)
+        self.left, self.right = (digits(draw.uniform(*most) * self.depth) if most else 0 for most in (left, right))
+        far = digits(draw.uniform(4, 4.3) * math.sqrt(ratio) * self.depth)
+        self.heel, self.wall, self.toe = far, far + self.left, far + self.left + self.right
+        # The domain has whole cells, which the seepage does not use.
+        self.unit = self.depth / 20
+        self.size = [math.ceil((self.toe + far) / self.unit) * self.unit, self.depth]
+        self.upper, self.lower = self.depth + within(draw, 1, 8, 2), self.depth
+        if draw.random() < 0.5:
+            self.lower = self.depth + within(draw, 0.1, 0.8, 2)
+        self.k, self.ratio = conducts(draw), ratio
+        self.cut = digits(draw.uniform(0.15, 0.85) * self.depth) if draw.random() < chance else 0
+        shortest = min(length for length in (self.left, self.right, self.left + self.right, self.cut, self.depth - self.cut) if length > 0)
+        # Cells are square at edges in isotropic ground.
+        self.h = digits(shortest / between(draw, 6, 40))
+        self.widening = between(draw, 0.03, 0.5)
+        self.plateau = draw.choice([0, 0, 0, 2, 5]) * self.h
+
+    def case(self, zones, cut, probes):
+        made = super().case(zones, cut, probes)
+        axes = zip([[self.heel, self.wall, self.toe], [self.depth, self.depth - cut]], self.size, (math.sqrt(self.ratio), 1))
+        spacing = [{"points": points(edges, [0, end], self.h * s, self.widening, self.plateau * s)} for edges, end, s in axes]
+        made["fluid"]["darcy"]["grid"] = {"from": [0, 0], "to": self.size, "spacing": spacing}
+        return made
+
+    @property
+    def cells(self):
+        """Cells of the domain."""
+        return [round(self.size[0] / self.unit), 20]
+
+
 def depth_of(draw, ground):
     """Depth of a cut-off: half of them end on a plane between cells."""
     cut = draw.uniform(0.15, 0.85) * ground.depth
@@ -220,6 +282,89 @@ def layers(draw):
         layer = {"from": digits(low), "to": digits(high)}
         zones.append({**zone(digits(ground.k * between(draw, 0.02, 20))), "name": f"layer {n}", "region": {"layer": layer}})
     made = ground.case(zones, cut, [ground.under(), ground.uplift()])
+    return made, [("under: discharge, last", 1), ("base: force, last", 1), ("base: torque_z, last", 1)]
+
+
+def on_structure(ground, cut):
+    """A dam as a polygon on a ground: uplift, thrust and moment on the structure."""
+    strip = ground.exact(cut)
+    made = ground.case([zone(ground.k, ground.ratio)], 0, [])
+    top, thin = ground.depth, 1e-4 * ground.h
+    unit = ground.depth / ground.cells[1]
+    high = (ground.cells[1] + math.ceil(1 / unit)) * unit
+    wall = [[ground.wall - thin, top], [ground.wall - thin, top - cut], [ground.wall + thin, top - cut], [ground.wall + thin, top]] if cut else []
+    corners = [[ground.heel, top], *wall, [ground.toe, top], [ground.toe, high], [ground.heel, high]]
+    made["structures"] = [{"name": "dam", "shape": {"polygon": {"points": corners}}}]
+    # The dam stands in the domain, above the grid.
+    made["domain"]["size"] = [ground.size[0], high]
+    made["probes"] = [probe("dam", 1, {"structure": {"name": "dam", "about": [ground.heel, top]}})]
+    drop, rest, width = ground.upper - ground.lower, ground.lower - ground.depth, ground.toe - ground.heel
+    force, moment = strip.base()
+    answers = [("dam: fluid_force_y, last", WEIGHT * (drop * force + rest * width), ENDS * WEIGHT * drop * width)]
+    turned = 0.0
+    if cut:
+        # x = 0 is the cut-off, whose two sides have different heads.
+        near = 1e-9 * ground.depth
+        thrust = exact.integral(lambda y: strip.share(-near, y) - strip.share(near, y), 0, cut)
+        turned = exact.integral(lambda y: y * (strip.share(-near, y) - strip.share(near, y)), 0, cut)
+        answers.append(("dam: fluid_force_x, last", WEIGHT * drop * thrust, ENDS * WEIGHT * drop * cut))
+    full = drop * (moment + turned) + 0.5 * rest * width * width
+    answers.append(("dam: fluid_torque_z, last", WEIGHT * full, ENDS * WEIGHT * drop * width * width))
+    return made, answers
+
+
+def graded_pile(draw):
+    """Returns a sheet pile on graded cells: discharge, exit gradient, head at a point."""
+    ground = GradedGround(draw, None, None, layering(draw), 1)
+    strip = ground.exact(ground.cut)
+    point, at = ground.point(draw, 0.1, 1)
+    made = ground.case([zone(ground.k, ground.ratio)], ground.cut, [ground.under(), point])
+    return made, [ground.flow(strip), ground.exit(strip), ground.head(strip, at)]
+
+
+def on_graded_base(draw, ground):
+    strip = ground.exact(ground.cut)
+    point, at = ground.point(draw, -1, 1)
+    made = ground.case([zone(ground.k, ground.ratio)], ground.cut, [ground.under(), ground.uplift(), point])
+    return made, [ground.flow(strip), *ground.loads(strip), ground.head(strip, at)]
+
+
+def graded_dam(draw):
+    """Returns a flat base with or without a cut-off on graded cells: discharge, uplift, moment, head at a point."""
+    return on_graded_base(draw, GradedGround(draw, (0.25, 1.2), (0.25, 1.2), layering(draw), 0.7))
+
+
+def graded_base(draw):
+    """Returns a base shorter than its stratum is deep on graded cells: discharge, uplift, moment, head at a point."""
+    return on_graded_base(draw, GradedGround(draw, (0.05, 0.5), (0.05, 0.5), layering(draw), 0.3))
+
+
+def graded_toe(draw):
+    """Returns a flat base with a cut-off at its toe on graded cells: discharge, uplift, moment, exit gradient."""
+    ground = GradedGround(draw, (0.25, 1.5), None, layering(draw), 1)
+    strip = ground.exact(ground.cut)
+    made = ground.case([zone(ground.k, ground.ratio)], ground.cut, [ground.under(), ground.uplift()])
+    return made, [ground.flow(strip), *ground.loads(strip), ground.exit(strip)]
+
+
+def graded_structure(draw):
+    """Returns a dam as a polygon, with a cut-off or none, on graded cells: uplift, thrust and moment on the structure."""
+    ground = GradedGround(draw, (0.25, 1.2), (0.25, 1.2), layering(draw), 0.7)
+    made, answers = on_structure(ground, ground.cut)
+    # The cut-off is a part of the structure.
+    made["fluid"]["darcy"]["grid"] = ground.case([], ground.cut, [])["fluid"]["darcy"]["grid"]
+    return made, answers
+
+
+def graded_layers(draw):
+    """Returns a base on layers, with a cut-off or none, on graded cells: discharge, uplift, moment. Reference: finer cells."""
+    ground = GradedGround(draw, (0.25, 1), (0.25, 1), 1, 0.5)
+    zones = [zone(ground.k)]
+    for n in range(draw.randint(1, 2)):
+        low = draw.uniform(0.1, 0.7) * ground.depth
+        layer = {"from": digits(low), "to": digits(low + draw.uniform(0.1, 0.3) * ground.depth)}
+        zones.append({**zone(digits(ground.k * between(draw, 0.02, 20))), "name": f"layer {n}", "region": {"layer": layer}})
+    made = ground.case(zones, ground.cut, [ground.under(), ground.uplift()])
     return made, [("under: discharge, last", 1), ("base: force, last", 1), ("base: torque_z, last", 1)]
 
 
@@ -467,8 +612,13 @@ FAMILIES = {
     "pile": pile, "dam": dam, "toe": toe, "bedding": bedding, "layers": layers, "earth": earth, "capillary": capillary,
     "drain": drain, "linear": linear, "suction": suction, "soak": soak, "drawdown": drawdown, "well": well, "consolidation": consolidation,
 }
+GRADED = {
+    "graded pile": graded_pile, "graded dam": graded_dam, "graded base": graded_base, "graded toe": graded_toe,
+    "graded structure": graded_structure, "graded layers": graded_layers,
+}
+KINDS = {"equal": FAMILIES, "graded": GRADED, "all": {**FAMILIES, **GRADED}}
 # Families whose truth is the extrapolation of finer runs, and its order: first beside singular edges, seepage faces and fronts.
-FINER = {"bedding": 1, "layers": 1, "capillary": 1, "soak": 1, "drawdown": 1}
+FINER = {"bedding": 1, "layers": 1, "capillary": 1, "soak": 1, "drawdown": 1, "graded layers": 1}
 JUDGED = ["kept", "open", "broken"]
 FIELDS = [
     "seed", "scene", "family", "answer", "outcome", "value", "uncertainty", "reference", "of reference", "error over uncertainty",
@@ -503,10 +653,20 @@ def one_line(text):
     return " ".join(text.split())[:240]
 
 
+def with_widths(case, factor):
+    """The case with the widths of its graded cells divided by a factor: so is their widening."""
+    for axis in case["fluid"]["darcy"]["grid"]["spacing"]:
+        for point in axis["points"]:
+            point[1] /= factor
+    return case
+
+
 def finer(case, factor):
     """The case with cells and error of its time steps divided."""
     made = json.loads(json.dumps(case))
     grid = made["fluid"]["darcy"]["grid"]
+    if "spacing" in grid:
+        return with_widths(made, factor)
     narrow = grid["cells"][0] <= 4
     # A column has one direction: its width stays at its cells.
     grid["cells"] = [grid["cells"][0] if narrow else grid["cells"][0] * factor, grid["cells"][1] * factor]
@@ -560,9 +720,9 @@ def verdict(row, uncertain, width):
 def scene(runner, options, number):
     """The rows of a scene."""
     draw = random.Random(f"soil {options.seed}/{number}")
-    families = options.families
+    families = options.families or list(KINDS[options.kinds])
     family = families[number % len(families)]
-    case, answers = FAMILIES[family](draw)
+    case, answers = KINDS["all"][family](draw)
     folder = pathlib.Path(options.output).resolve() / f"{options.seed}_{number:03}_{family}"
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
@@ -571,7 +731,7 @@ def scene(runner, options, number):
     promise, reason = runner.promise(path)
     start = {
         "seed": options.seed, "scene": number, "family": family, "promise": "" if promise is None else f"{promise:.3g}",
-        "cells": "x".join(map(str, case["fluid"]["darcy"]["grid"]["cells"])), "reason": reason, "solver": runner.version,
+        "cells": "x".join(map(str, case["fluid"]["darcy"]["grid"].get("cells", ["graded"]))), "reason": reason, "solver": runner.version,
     }
     done, seconds = runner.call("estimate", path, "--cells-only", "--threads", "1", "--output", folder / "estimate")
     start["seconds"] = f"{seconds:.2f}"
@@ -627,7 +787,7 @@ def summary(path):
         print(f"\nSeed {seed}, solver {solvers}\n")
         print("| family | scenes | answers | judged | kept | open | broken | coverage | no interval | given | not judged | failed | median half width | most error/interval |")
         print("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|")
-        for family in [*[f for f in FAMILIES if any(row["family"] == f for row in of)], "all"]:
+        for family in [*[f for f in KINDS["all"] if any(row["family"] == f for row in of)], "all"]:
             own = [row for row in of if family in (row["family"], "all")]
             count = {o: sum(row["outcome"] == o for row in own) for o in [*JUDGED, "no interval", "given", "not judged", "failed", "refused"]}
             judged = sum(count[o] for o in JUDGED)
@@ -654,7 +814,8 @@ def main():
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--count", type=int, default=5 * len(FAMILIES))
-    parser.add_argument("--families", nargs="+", default=list(FAMILIES), choices=list(FAMILIES))
+    parser.add_argument("--kinds", default="equal", choices=list(KINDS), help="families on equal or on graded cells")
+    parser.add_argument("--families", nargs="+", choices=list(KINDS["all"]))
     parser.add_argument("--keep", action="store_true", help="keep the folders of the runs")
     parser.add_argument("--summary", action="store_true", help="no runs: print the table by family")
     options = parser.parse_args()

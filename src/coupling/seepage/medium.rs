@@ -81,6 +81,16 @@ impl<Sp: Space> Seepage<Sp> {
             permeability_of_zones
                 .replace_porosity(zones, &mut self.limited, |cell| porosity[cell] < FILLED);
         }
+        if self.following.acts() {
+            let before = self.earlier.known.then_some(&self.earlier.porosity[..]);
+            // Open water conducts like loose ground.
+            let limits = [
+                permeability.least_porosity,
+                FILLED.min(permeability.porosity_cap),
+            ];
+            self.following.take(before, porosity, limits);
+            self.pressure.set_pore_volumes(self.following.parts());
+        }
         self.compute_porosities();
         self.measure_open_water();
         self.report.iterations = self.iterate_until_converged(particles)?;
@@ -342,7 +352,8 @@ impl<Sp: Space> Seepage<Sp> {
                     let free = pores + weight * sum.pushed[a];
                     (weight * sum.held[a] / drag, free / drag)
                 } else {
-                    let own = liquid.viscosity / self.permeability[cell] * ratio;
+                    let permeability = self.permeability[cell] * self.following.factor(cell);
+                    let own = liquid.viscosity / permeability * ratio;
                     let own = match settings.equations {
                         Equations::Corrected => own,
                         Equations::Paper => own * self.limited[cell],

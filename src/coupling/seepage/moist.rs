@@ -7,17 +7,18 @@
 //! `sigma' = sigma + chi p` is the effective stress of Bishop, with air at pressure 0 and `p` negative under suction;
 //! `chi` is the effective saturation (Lu et al.). Its divergence, the weight of the water that the pores hold, and the
 //! buoyancy of the grains are this force: in saturated ground `-grad p` on the grains and the resistance of the pores,
-//! in dry ground nothing. `d` is 1 in a bed and falls to 0 between the porosities 0.8 and 0.95: the buoyancy alone acts
-//! on loose grains. The strength from suction is then `S_e s tan(phi)` for grains with the friction angle `phi`.
+//! in dry ground nothing. `d` is 1 in a bed and falls to 0 between the porosities 0.8 and 0.95: the buoyancy alone
+//! acts on loose grains. The strength from suction is then `S_e s tan(phi)` for grains with the friction angle `phi`.
 //!
-//! `chi p` is 0 where the ground ends: at a boundary in contact with air, and at a face to a cell without grains. There
-//! suction confines the grains like a stress on the surface. At a wall it continues with the weight of the water.
-//! Capillary bridges, if grains have them, are the suction. The gradient of `chi` is then left out:
-//! `f = -S rho g + d [-S_e grad p + S rho g]/(1 - eps)`.
+//! `chi p` is 0 where the ground ends: at a boundary in contact with air, and at a face to a cell without grains.
+//! There suction confines the grains like a stress on the surface. At a wall it continues with the weight of the
+//! water. Capillary bridges, if grains have them, are the suction. The gradient of `chi` is then left out: `f = -S rho
+//! g + d [-S_e grad p + S rho g]/(1 - eps)`.
 //!
-//! The water flows as in ground without grains ([`darcy::pressure::Pressure`] with a soil): the bed is stationary, and
-//! permeability and retention are those of the zones. Grains that move through the water meet no resistance of their
-//! own.
+//! The water flows as in ground without grains ([`darcy::pressure::Pressure`] with a soil): permeability and retention
+//! are those of the zones, and follow the grains where a zone says so ([`super::following`]). Grains that move through
+//! the water meet no resistance of their own. Cells above the surface of the ground contain air: no water loads grains
+//! there.
 //!
 //! Sources: A. W. Bishop, Teknisk Ukeblad 106 (1959) 859; N. Lu, J. W. Godt, D. T. Wu, Water Resour. Res. 46 (2010)
 //! W05515, doi:10.1029/2009WR008646.
@@ -99,6 +100,10 @@ impl<Sp: Space> Seepage<Sp> {
         moist.force.resize(cells, [0.0; 3]);
         moist.moisture.resize(cells, [0.0; 2]);
         for cell in 0..cells {
+            if !self.pressure.conducts(cell) {
+                (moist.stress[cell], moist.moisture[cell]) = (0.0, [0.0; 2]);
+                continue;
+            }
             let pressure = self.pressure.pressure(cell);
             let [saturation, effective] = self.pressure.saturations(cell, pressure);
             moist.stress[cell] = effective * pressure;
@@ -107,7 +112,7 @@ impl<Sp: Space> Seepage<Sp> {
         }
         for cell in 0..cells {
             let mut force = [0.0; 3];
-            if !self.openness.blocked(cell) && self.pores.solid_volume(cell) > 0.0 {
+            if self.pressure.conducts(cell) && self.pores.solid_volume(cell) > 0.0 {
                 let bed = bed(porosity[cell]);
                 let gradient = self.stress_gradient(cell);
                 let saturation = self.moist.moisture[cell][0];
@@ -120,8 +125,8 @@ impl<Sp: Space> Seepage<Sp> {
         }
     }
 
-    /// Returns the gradient of the pressure times Bishop's factor in a cell \[Pa/m\]; with bridges the factor times the
-    /// gradient of the pressure.
+    /// Returns the gradient of the pressure times Bishop's factor in a cell \[Pa/m\]; with bridges the factor times
+    /// the gradient of the pressure.
     fn stress_gradient(&self, cell: usize) -> [f64; 3] {
         let (grid, weight) = (self.grid(), self.pressure.weight());
         let place = grid.cell(cell);
@@ -163,6 +168,9 @@ impl<Sp: Space> Seepage<Sp> {
         if self.openness.blocked(next) {
             return self.stress_at_wall(cell, side.0, side.1);
         }
+        if !self.pressure.conducts(next) {
+            return self.stress_at_end(cell, side.0, side.1);
+        }
         let [own, other] = [self.moist.stress[cell], self.moist.stress[next]];
         if self.pores.porosity()[next] < FILLED {
             0.5 * (own + other)
@@ -172,7 +180,7 @@ impl<Sp: Space> Seepage<Sp> {
         }
     }
 
-    /// Returns the stress at a face of the grid \[Pa\].
+    /// Returns the stress at a face of the grid, or at the surface of the ground \[Pa\].
     fn stress_at_end(&self, cell: usize, axis: usize, upper: bool) -> f64 {
         match self.pressure.outside(cell, axis, upper) {
             Some(pressure) => pressure * self.pressure.saturations(cell, pressure)[1],

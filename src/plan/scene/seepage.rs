@@ -78,6 +78,10 @@ pub struct Seepage {
     /// their order; empty if no zone has one.
     #[serde(skip)]
     pub soil_of: Vec<u8>,
+    /// Porosity to which the values of each cell refer where unsaturated ground follows the grains, 0 for other cells;
+    /// empty if no zone follows them.
+    #[serde(skip)]
+    pub following: Vec<f64>,
     /// Structures in contact with the water.
     #[serde(skip)]
     pub solids: Vec<Arc<Images>>,
@@ -142,6 +146,7 @@ impl Seepage {
             piping: None,
             zones: None,
             soil_of: Vec::new(),
+            following: Vec::new(),
             solids: (structures.iter().filter(|s| s.stops.water()))
                 .map(|s| Arc::clone(&s.solid))
                 .collect(),
@@ -164,6 +169,7 @@ impl Seepage {
         scene.drains.extend(scene.drains_of(grid, findings));
         scene.zones = scene.zones_of(case, grid, findings);
         scene.soil_of = scene.soils(case, grid);
+        scene.following = scene.following(case, grid, findings);
         scene.piping = scene.piping_of(case, grid, findings);
         scene.check(case, grid, grains, findings);
         Some(scene)

@@ -14,10 +14,11 @@
 //! The time step is adjusted by less than half a step in the whole run, so that all grids end at the same time.
 //!
 //! A seepage without grains has no time step that cells limit: its own cells are halved, doubled or quartered,
-//! provided that the ends of its openings lie on cell faces. The steps of a transient flow are of second order. Their
-//! permitted error changes with the square of the cells, and the time between results, which is their largest length,
-//! with the cells: the error in time decreases with h² like that of the cells, and the estimate contains both. A
-//! seepage through grains has cells of the size of grains and is not refined.
+//! provided that the ends of its openings lie on cell faces. Cells of different widths are halved and quartered, so
+//! that their widening away from edges is too: merged cells would widen twice as fast. The steps of a transient flow
+//! are of second order. Their permitted error changes with the square of the cells, and the time between results,
+//! which is their largest length, with the cells: the error in time decreases with h² like that of the cells, and the
+//! estimate contains both. A seepage through grains has cells of the size of grains and is not refined.
 
 use base::error::{Error, Problem};
 use base::number::{common_divisor, real, to_u32, whole};
@@ -95,8 +96,20 @@ pub fn refinable_seepage(scene: &Scene) -> Option<&Seepage> {
     scene.seepage.as_ref().filter(|_| !scene.has_solids())
 }
 
+/// Returns `true` if the cells of a grid are halves of wider ones along each axis.
+fn has_equal_pairs(seepage: &Seepage, dimension: usize) -> bool {
+    (0..dimension).all(|a| {
+        let axis = seepage.axis(a);
+        axis.cells.is_multiple_of(2)
+            && (0..axis.cells).step_by(2).all(|cell| {
+                let [one, other] = [axis.width(cell), axis.width(cell + 1)];
+                (one - other).abs() <= 1e-9 * one
+            })
+    })
+}
+
 /// Returns the spacings divided by that of the case, in ascending order: 2 and 4 if openings and edges allow it,
-/// otherwise 1/2.
+/// otherwise 1/2; 1/4 and 1/2 for cells of different widths, as far as their number permits.
 fn ratios_of_seepage(seepage: &Seepage, dimension: usize, finer: bool) -> Vec<f64> {
     let divides = |number: usize| {
         let even = |cells: &usize| cells.is_multiple_of(number);
@@ -123,7 +136,10 @@ fn ratios_of_seepage(seepage: &Seepage, dimension: usize, finer: bool) -> Vec<f6
         .take_while(|n| fits(*n))
         .map(|n| 1.0 / real(n))
         .collect();
+    // Merged cells of different widths widen faster, unless pairs of them are equal.
+    let nested = !seepage.is_graded() || has_equal_pairs(seepage, dimension);
     let from_fine = match (finer, coarser.len()) {
+        _ if !nested => 2,
         (false, 2) => 0,
         (true, 1..) | (false, 1) => 1,
         _ => 2,

@@ -31,6 +31,8 @@ const SHORTEST_STEP: f64 = 1e-12;
 /// Maximum number of steps of an interval that may fail. More failures mean that the conditions demand more than the
 /// ground can deliver, such as the discharge of a well that has run dry, and the steps would remain short for hours.
 const MAX_FAILURES: u32 = 50;
+/// Minimum volume of the pores beyond the residual water over the stated one.
+const LEAST_PORES: f64 = 0.05;
 /// Factors of the next step: safety factor on the step with the stated error, minimum, maximum, and after a
 /// failure.
 const SAFETY: f64 = 0.9;
@@ -105,6 +107,12 @@ pub(super) struct Transient {
     histories: Vec<ConditionHistory>,
     /// Volume of each cell inside the walls \[m3\].
     volume: Vec<f64>,
+    /// Volume of cells whose pores change, at the start of an interval and at its end \[m3\]; empty if none changes.
+    changing: Vec<[f64; 2]>,
+    /// Volume of each cell with the stated pores \[m3\], and its residual content; empty if none changes.
+    whole: Vec<[f64; 2]>,
+    /// Residual water of each cell that its content at the present volume leaves out \[m3\]; empty if no pores change.
+    bound: Vec<f64>,
     /// Reciprocal time of a stage \[1/s\]; 0 in a steady flow.
     rate: f64,
     /// Volume at the start of a stage, at the present pressure, and from the fluxes of all steps \[m³\].
@@ -177,6 +185,27 @@ impl Transient {
         self.net.iter().fold(0.0, |most, net| net.abs().max(most))
     }
 
+    /// Returns the part of an interval that has passed at a time.
+    fn part(&self, time: f64) -> f64 {
+        (time - self.time) / self.settings.interval
+    }
+
+    /// Sets the volumes of cells whose pores change, after a part of an interval.
+    fn set_volumes(&mut self, part: f64) {
+        for (at, [first, last]) in self.changing.iter().enumerate() {
+            let [whole, residual] = self.whole[at];
+            self.volume[at] = part.mul_add(last - first, *first);
+            self.bound[at] = residual * (whole - self.volume[at]);
+        }
+    }
+
+    /// Takes the residual water out of the water at the start of a stage, or adds it to the water at its end.
+    fn leave_bound(&mut self, sign: f64) {
+        for (known, bound) in self.known.iter_mut().zip(&self.bound) {
+            *known -= sign * bound;
+        }
+    }
+
     /// Starts a step of a length from a pressure.
     fn start_step(&mut self, dt: f64, phi: &[f64]) {
         self.begin.copy_from_slice(phi);
@@ -195,6 +224,7 @@ impl Transient {
 
     /// Accepts a step; `crossed` are inflow and outflow in the second stage \[m³/s\].
     fn accept(&mut self, dt: f64, crossed: (f64, f64)) {
+        self.leave_bound(-1.0);
         for at in 0..self.stored.len() {
             self.stored[at] = self.known[at] + STAGE * dt * self.net[at];
         }
@@ -245,6 +275,9 @@ impl Pressure {
                 settings,
                 histories: Vec::new(),
                 volume: inside,
+                changing: Vec::new(),
+                whole: Vec::new(),
+                bound: Vec::new(),
                 rate: 0.0,
                 known: zeros(),
                 content: zeros(),
@@ -263,6 +296,46 @@ impl Pressure {
             }));
         }
         self
+    }
+
+    /// Sets the pore volumes of the cells over the stated ones, at the start of the next interval and at its end: they
+    /// change linearly in it, and the volume of water of a cell does not change with them. The pores beyond the
+    /// residual water change, `M = V [theta_r + (p theta_s - theta_r) S_e]`, so that ground that opens can keep its
+    /// water. No effect in a steady flow.
+    pub fn set_pore_volumes(&mut self, parts: [&[f64]; 2]) {
+        let (grid, layout) = (&self.slab.grid, self.slab.layout);
+        let Some(own) = self.unsaturated.as_mut() else {
+            return;
+        };
+        let contents: Vec<[f64; 2]> = (own.soils.iter())
+            .map(|soil| {
+                let law = soil.model();
+                [law.residual_content(), law.state(0.0).content]
+            })
+            .collect();
+        let Some(transient) = own.transient.as_mut() else {
+            return;
+        };
+        if transient.whole.is_empty() {
+            let residual = |soil: &u8| contents[usize::from(*soil)][0];
+            let volumes = transient.volume.iter().zip(&own.soil_of);
+            transient.whole = volumes.map(|(v, soil)| [*v, residual(soil)]).collect();
+            transient.changing = transient.volume.iter().map(|v| [*v; 2]).collect();
+            transient.bound = vec![0.0; transient.volume.len()];
+        }
+        for cell in 0..grid.count() {
+            let at = layout.position(grid.cell(cell));
+            let [residual, saturated] = contents[usize::from(own.soil_of[at])];
+            let drained = saturated - residual;
+            let volume = |part: f64| {
+                let pores = saturated
+                    .mul_add(part, -residual)
+                    .max(LEAST_PORES * drained);
+                transient.whole[at][0] * pores / drained
+            };
+            transient.changing[at] = parts.map(|part| volume(part[cell]));
+        }
+        transient.set_volumes(0.0);
     }
 
     /// Adds tables of condition values over time to a transient flow.
@@ -293,7 +366,7 @@ impl Pressure {
         let own = self.unsaturated.as_ref()?;
         let transient = own.transient.as_ref()?;
         Some(WaterBalance {
-            stored: sum(transient.content.iter().copied()),
+            stored: sum(transient.content.iter().chain(&transient.bound).copied()),
             initial: transient.initial,
             entered: transient.entered,
             left: transient.left,
@@ -379,7 +452,10 @@ impl Pressure {
         self.evaluate(own);
         if let Some(transient) = &mut own.transient {
             transient.stored.copy_from_slice(&transient.content);
-            transient.initial = sum(transient.content.iter().copied());
+            for (stored, bound) in transient.stored.iter_mut().zip(&transient.bound) {
+                *stored += bound;
+            }
+            transient.initial = sum(transient.stored.iter().copied());
             transient.began = true;
         }
         Ok(())
@@ -463,6 +539,8 @@ impl Pressure {
     ) -> Result<Option<f64>, SeepageError> {
         if let Some(transient) = &mut own.transient {
             transient.start_step(dt, &self.phi);
+            transient.set_volumes(transient.part(time + STAGE * dt));
+            transient.leave_bound(1.0);
         }
         self.impose_histories(own, time + STAGE * dt);
         let first = self.newton(own, NEWTON_STEPS)?;
@@ -473,6 +551,8 @@ impl Pressure {
         let crossed = self.crossed();
         if let Some(transient) = &mut own.transient {
             transient.start_second(dt, crossed);
+            transient.set_volumes(transient.part(time + dt));
+            transient.leave_bound(1.0);
         }
         self.impose_histories(own, time + dt);
         let second = self.newton(own, NEWTON_STEPS)?;

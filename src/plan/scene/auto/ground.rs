@@ -1,14 +1,14 @@
 //! Errors promised for seepage without grains, and the spacing that keeps a requested error.
 //!
-//! A row of `measured_ground.csv` is an answer of a scene on one grid, with its error against an exact solution or much
-//! finer cells. Its number of cells is counted across the shortest length that the cells must resolve ([`lengths`]):
-//! height and length of the ground, stretches between the edges of heads, the depth of a wall and the ground below it,
-//! layers, the capillary length, the length over which water moves in the run. Its error is the largest at this number
-//! of cells and at every larger one of the scene.
+//! A row of `measured_ground.csv` is an answer of a scene on one grid, with its error against an exact solution or
+//! much finer cells. Its number of cells is counted across the shortest length that the cells must resolve
+//! ([`lengths`]): height and length of the ground, stretches between the edges of heads, the depth of a wall and the
+//! ground below it, layers, the capillary length, the length over which water moves in the run. Its error is the
+//! largest at this number of cells and at every larger one of the scene.
 //!
-//! The rows of a kind of ground and an answer give a bound by the method of [`bound`](super::bound), under which 97.5 %
-//! of them lie, with the margin 1 + 5/k for k problems. The plan promises the bound for each answer that the case asks
-//! for, and none for ground that no row covers. Errors are those of cells and steps in time: material values,
+//! The rows of a kind of ground and an answer give a bound by the method of [`bound`](super::bound), under which 97.5
+//! % of them lie, with the margin 1 + 5/k for k problems. The plan promises the bound for each answer that the case
+//! asks for, and none for ground that no row covers. Errors are those of cells and steps in time: material values,
 //! hysteresis and closed ends are not among them.
 //!
 //! | answer | error relative to |
@@ -39,13 +39,17 @@ use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
 const TABLE: &str = include_str!("measured_ground.csv");
+const TABLE_GRADED: &str = include_str!("measured_graded.csv");
+/// Divisor of N w²: the errors of the cells at the edges and of those farther away are then about equal at a value of
+/// 1.
+const WIDENING: f64 = 4.0;
 /// Smallest measured error of the fit: below it lie rounding and the references.
 const MIN_ERROR: f64 = 1e-5;
 /// Largest bound that the plan promises. Next to a front, heads have no smaller bound, because they change there by
 /// their whole range.
 const MAX_ERROR: f64 = 0.3;
-/// Fraction of the rows below a bound, and the margin m of its factor 1 + m/k for k problems. The errors of the rows of
-/// one problem are correlated, so that both are larger than those of lattices.
+/// Fraction of the rows below a bound, and the margin m of its factor 1 + m/k for k problems. The errors of the rows
+/// of one problem are correlated, so that both are larger than those of lattices.
 const FRACTION: f64 = 0.975;
 const MARGIN: f64 = 5.0;
 /// Minimum number of problems of a bound.
@@ -63,6 +67,9 @@ pub(crate) struct Row {
     problem: String,
     /// Cells across the shortest length.
     cells: f64,
+    /// Widening of the cells.
+    #[serde(default)]
+    widening: f64,
     /// Largest error on this grid and finer ones.
     error: f64,
 }
@@ -82,15 +89,24 @@ pub struct PromisedAnswer {
 
 /// Returns all rows.
 fn rows() -> &'static [Row] {
-    static ROWS: LazyLock<Vec<Row>> = LazyLock::new(|| measured::read(TABLE));
+    static ROWS: LazyLock<Vec<Row>> = LazyLock::new(|| {
+        let mut rows = measured::read(TABLE);
+        rows.extend(measured::read(TABLE_GRADED));
+        rows
+    });
     &ROWS
+}
+
+/// Returns the second feature of a bound, which stands in the place of its Reynolds number.
+fn growth(cells: f64, widening: f64) -> f64 {
+    cells * widening * widening / WIDENING
 }
 
 fn bound_of(rows: &[&'static Row]) -> Option<Bound> {
     let points: Vec<Point> = (rows.iter())
         .map(|row| Point {
             cells: row.cells,
-            reynolds: 0.0,
+            reynolds: growth(row.cells, row.widening),
             error: row.error.max(MIN_ERROR),
         })
         .collect();
@@ -149,7 +165,7 @@ pub(super) fn promise(
     for answer in &mut answers {
         let found = bound(&ground.kind, answer.kind);
         answer.error = found
-            .and_then(|bound| bound.error(cells, 0.0))
+            .and_then(|bound| bound.error(cells, growth(cells, ground.widening)))
             .filter(|error| *error <= MAX_ERROR);
     }
     scene.chosen.details = details(&ground, &answers);
@@ -171,7 +187,7 @@ pub(super) fn promise(
                 number(length.size),
                 number(100.0 * largest)
             ),
-            "use a smaller spacing, or request a lower accuracy",
+            "use smaller cells, or request a lower accuracy",
         );
     }
     scene.chosen.ground = Some(ground);
@@ -192,8 +208,15 @@ fn summary(ground: &Ground, answers: &[PromisedAnswer]) -> String {
     let Some(length) = ground.lengths.first() else {
         return format!("nothing is promised: the ground has no extent; {ESTIMATE}");
     };
+    let widening = match ground.widening {
+        widening if widening > 0.0 => format!(
+            ", and cells that widen by {} of their distance from edges",
+            number(widening)
+        ),
+        _ => String::new(),
+    };
     let across = format!(
-        "{} cells across the {} of {} m, the shortest length ({})",
+        "{} cells across the {} of {} m, the shortest length ({}){widening}",
         number(length.cells),
         length.what,
         number(length.size),

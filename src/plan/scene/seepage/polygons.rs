@@ -37,6 +37,8 @@ pub(super) fn polygon(
     }
     let points = match written {
         ZonePolygon::Points(points) => points.clone(),
+        // A drawing that could not be read has its finding.
+        ZonePolygon::Dxf(_) => return Vec::new(),
         ZonePolygon::Path(file) => {
             let text = io::plain::text(&case.directory.join(file), io::plain::LONGEST_INPUT);
             let read = text.map_err(|e| e.to_string());

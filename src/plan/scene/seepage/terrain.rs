@@ -89,10 +89,10 @@ impl Seepage {
             return Vec::new();
         };
         let path = format!("{PATH}.{SURFACE}");
-        if case.grains.is_some() {
+        if case.grains.is_some() && self.written.unsaturated.is_none() {
             findings.error(
                 &path,
-                "grains form their own surface, so that a case with grains has no terrain",
+                "grains in saturated ground form their own surface, so that their case has no terrain",
                 Remedy::take_out("remove the terrain, or the grains", &path),
             );
             return Vec::new();
@@ -260,6 +260,8 @@ fn height(
             }
             (written.iter().map(Vector::to_array).collect(), place)
         }
+        // A drawing that could not be read has its finding.
+        TerrainSurface::Dxf(_) => return None,
         TerrainSurface::Path(file) => {
             let place = format!("{path}.path");
             let text = io::plain::text(&case.directory.join(file), io::plain::LONGEST_INPUT);

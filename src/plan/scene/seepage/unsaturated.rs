@@ -9,7 +9,7 @@ use crate::scene::region::region;
 use base::error::Remedy;
 use base::history;
 use case::Case;
-use case::darcy::{TransientFlow, ZonePermeability};
+use case::darcy::{TransientFlow, Zone, ZonePermeability};
 use darcy::zones::is_inside;
 use darcy::{Condition, Equations, Retention};
 
@@ -55,31 +55,100 @@ impl Seepage {
         if self.written.unsaturated.is_none() || !stated {
             return Vec::new();
         }
+        let soils = self.last_zones(case, grid, |zone| zone.retention.is_some());
+        let soil = |last: Option<usize>| last.map_or(0, |n| u8::try_from(n + 1).unwrap_or(u8::MAX));
+        soils.into_iter().map(soil).collect()
+    }
+
+    /// Returns the last of the chosen zones that contains the centre of each cell, by its number among them.
+    fn last_zones(
+        &self,
+        case: &Case,
+        grid: &Grid,
+        is_chosen: impl Fn(&Zone) -> bool,
+    ) -> Vec<Option<usize>> {
         let coarse = self.coarse_grid(grid.dimension);
         let mut regions = Vec::new();
         // Errors of a region were already reported.
         let mut silent = Findings::new(case);
-        for zone in self
-            .written
-            .zones
-            .iter()
-            .filter(|zone| zone.retention.is_some())
-        {
+        for zone in self.written.zones.iter().filter(|zone| is_chosen(zone)) {
             let whole = [[f64::NEG_INFINITY; 3], [f64::INFINITY; 3]];
             let written = zone.region.as_ref();
             let corners = written.map_or(whole, |written| region(grid, written, PATH, &mut silent));
             regions.push((corners, polygon(case, zone, PATH, &mut silent)));
         }
-        let soil = |cell: usize| {
+        let last = |cell: usize| {
             let centre = coarse.centre(coarse.cell(cell));
             let holds = |([from, to], polygon): &([[f64; 3]; 2], Vec<[f64; 2]>)| {
                 (0..3).all(|a| centre[a] >= from[a] && centre[a] < to[a])
                     && (polygon.is_empty() || is_inside(polygon, [centre[0], centre[1]]))
             };
-            let last = regions.iter().rposition(holds);
-            last.map_or(0, |n| u8::try_from(n + 1).unwrap_or(u8::MAX))
+            regions.iter().rposition(holds)
         };
-        (0..self.cell_count()).map(soil).collect()
+        (0..self.cell_count()).map(last).collect()
+    }
+
+    /// Returns the porosity to which the values of each cell refer where the ground follows the grains, 0 for other
+    /// cells; empty if no zone follows them. Reports findings for zones that cannot.
+    pub(super) fn following(&self, case: &Case, grid: &Grid, findings: &mut Findings) -> Vec<f64> {
+        let zones = &self.written.zones;
+        if !zones.iter().any(|zone| zone.follows_grains) {
+            return Vec::new();
+        }
+        for (n, zone) in zones.iter().enumerate() {
+            if zone.follows_grains {
+                self.check_following(case, zone, n, findings);
+            }
+        }
+        let Some(soil) = &self.written.unsaturated else {
+            return Vec::new();
+        };
+        // The zone whose permeability applies decides.
+        let conducts = |zone: &Zone| zone.permeability.is_some() || zone.raster.is_some();
+        let reference = |zone: &Zone| {
+            let retention = zone.retention.as_ref().unwrap_or(&soil.retention);
+            let porosity = zone.porosity;
+            porosity.unwrap_or_else(|| retention.model().state(0.0).content)
+        };
+        let of_zones = zones.iter().filter(|zone| conducts(zone)).map(|zone| {
+            let follows = zone.follows_grains;
+            if follows { reference(zone) } else { 0.0 }
+        });
+        let of_zones: Vec<f64> = of_zones.collect();
+        let found = self.last_zones(case, grid, conducts);
+        let of_cell = |last: Option<usize>| last.map_or(0.0, |n| of_zones[n]);
+        found.into_iter().map(of_cell).collect()
+    }
+
+    /// Refuses a zone that follows the grains without unsaturated ground, grains or a permeability.
+    fn check_following(&self, case: &Case, zone: &Zone, n: usize, findings: &mut Findings) {
+        let path = format!("{PATH}.zones[{n}].follows_grains");
+        let remedy = || Remedy::take_out("remove it", &path);
+        if self.written.unsaturated.is_none() {
+            findings.error(
+                &path,
+                "in saturated ground the flow follows the grains wherever no zone states a permeability",
+                remedy(),
+            );
+        } else if case.grains.is_none() {
+            findings.error(
+                &path,
+                "this case has no grains that the ground could follow",
+                remedy(),
+            );
+        }
+        let stated = match zone.permeability {
+            Some(ZonePermeability::Value(_) | ZonePermeability::HydraulicConductivity(_)) => true,
+            Some(_) => false,
+            None => zone.raster.is_some(),
+        };
+        if !stated {
+            findings.error(
+                &path,
+                "the zone has no permeability as a number, from which that of moved grains could follow",
+                "write `value` or `hydraulic_conductivity` for the porosity of the zone, or a raster of them",
+            );
+        }
     }
 
     /// Checks the retentions of zones, and refuses them in saturated ground.

@@ -3,6 +3,10 @@
 //! Ground that conducts better along its beds is compared with the isotropic ground that has the same answers: lengths
 //! along the beds are divided by the root of the ratio of the permeabilities, edges of cells too. Horizontal and
 //! vertical lengths over beds with a dip g are multiplied by (cos² g/r + sin² g)^½ and (sin² g/r + cos² g)^½.
+//!
+//! Lengths on cells of different widths are counted in the cells at the singular points ([`widening`]).
+
+mod widening;
 
 use crate::scene::Scene;
 use crate::scene::findings::number;
@@ -48,6 +52,8 @@ pub(super) const STORAGE: &str = "storage in a column";
 /// Storage in saturated ground around wells.
 pub(super) const WELLS: &str = "wells";
 
+/// Ending of the kinds on cells of different widths.
+pub(super) const GRADED: &str = ", graded cells";
 /// Ending of the kinds whose heads end within cells and not on faces of the grid.
 pub(super) const WITHIN_CELLS: &str = ", edges within cells";
 
@@ -58,7 +64,8 @@ pub struct GroundLength {
     pub what: String,
     /// Length \[m\].
     pub size: f64,
-    /// Length over the largest edge of a cell, both in ground of the same permeability in all directions \[1\].
+    /// Length over the largest edge of a cell, both in ground of the same permeability in all directions \[1\]. If
+    /// widths differ, the cells are those at the edges of heads and walls.
     pub cells: f64,
     /// `true` if the errors follow this length. The limits of layers divide cells, so that in saturated ground errors
     /// hardly depend on the thickness of layers.
@@ -75,6 +82,9 @@ pub struct Ground {
     /// Range of the heads \[m\]: differences of imposed and initial heads, the height of ground with suction, and the
     /// drawdown Q/k of wells.
     pub drop: f64,
+    /// Largest increase of the width of a cell over its distance from the nearest edge of a head or a wall \[1\]; 0
+    /// for equal cells.
+    pub widening: f64,
     /// Largest factor of the edge of a cell in isotropic ground.
     #[serde(skip)]
     pub(super) stretch: f64,
@@ -106,7 +116,8 @@ impl Ground {
     }
 
     /// Returns the smallest number of cells across a length.
-    pub(super) fn cells(&self) -> f64 {
+    #[must_use]
+    pub fn cells(&self) -> f64 {
         self.lengths.first().map_or(0.0, |length| length.cells)
     }
 }
@@ -177,9 +188,6 @@ impl<'a> Reader<'a> {
     fn refuse(&mut self) -> Result<(), String> {
         let written = &self.seepage.written;
         let conducts = written.density * self.strength() / written.viscosity;
-        if self.seepage.is_graded() {
-            return Err("no error was measured on cells of different widths".into());
-        }
         if self.seepage.piping.is_some() {
             return Err("no error was measured for backward erosion".into());
         }
@@ -326,6 +334,7 @@ impl<'a> Reader<'a> {
     fn ground(mut self) -> Result<Ground, String> {
         let edges = self.edges();
         let kind = self.kind()?;
+        let resolution = self.resolution(&edges)?;
         self.extents();
         self.stretches();
         self.walls();
@@ -333,16 +342,12 @@ impl<'a> Reader<'a> {
         self.drains();
         self.levels();
         self.depths(kind);
-        let widest = (0..2)
-            .filter(|a| self.idle != Some(*a))
-            .map(|a| self.seepage.spacing[a] * self.factors[a][1])
-            .fold(0.0, f64::max);
         let stretch = self.factors.iter().map(|f| f[1]).fold(0.0, f64::max);
         let mut lengths: Vec<GroundLength> = (self.found.iter())
             .map(|(what, size, axis)| GroundLength {
                 what: what.clone(),
                 size: *size,
-                cells: size * self.factors[*axis][0] / widest,
+                cells: size * self.factors[*axis][0] / resolution.edge,
                 counts: kind != LAYERED || !what.starts_with(ZONE),
             })
             .collect();
@@ -358,6 +363,7 @@ impl<'a> Reader<'a> {
             kind: kind.to_owned(),
             lengths,
             drop: self.range_of_heads(),
+            widening: resolution.widening,
             stretch,
             up: self.up,
             edges,
@@ -371,7 +377,19 @@ impl<'a> Reader<'a> {
                 .collect(),
         };
         let spacing = [self.seepage.spacing[0], self.seepage.spacing[1]];
-        if !ground.is_aligned(spacing) {
+        if self.seepage.is_graded() {
+            if ![SATURATED, LAYERED].contains(&kind) {
+                return Err(format!(
+                    "no error was measured on cells of different widths for this kind of ground ({kind})"
+                ));
+            }
+            if !self.is_on_faces(&ground.edges) {
+                return Err("no error was measured for heads that end within cells of different widths, and a \
+                     position in `points` of the grid makes their end a face"
+                    .into());
+            }
+            ground.kind += GRADED;
+        } else if !ground.is_aligned(spacing) {
             ground.kind += WITHIN_CELLS;
         }
         Ok(ground)
