@@ -299,8 +299,8 @@ impl Ghosts {
         live.flat_map(|(range, _)| self.all[range.clone()].iter().copied())
     }
 
-    /// Returns the positions of [`Self::live`] that may be copies of cells that have changed: with `own`, of cells of the
-    /// slab too, else of the planes of the neighbours only.
+    /// Returns the positions of [`Self::live`] that may be copies of cells that have changed: with `own`, of cells of
+    /// the slab too, else of the planes of the neighbours only.
     pub(super) fn changed(&self, own: bool) -> impl Iterator<Item = u32> + '_ {
         let last = self.all_of.len().saturating_sub(1);
         let planes = self.all_of.iter().zip(&self.live.planes).enumerate();

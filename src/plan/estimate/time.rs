@@ -254,8 +254,9 @@ impl Seconds {
             }
             all.mapping = real(clock.steps) * mapped / machine.grains;
             let populations = amounts.cells * real(flow.lattice.count());
+            let checked = amounts.wet * real(flow.lattice.count());
             let looks = steps / GUARD_EVERY + 2.0;
-            all.guards = looks * populations * GUARD / machine.grains;
+            all.guards = looks * checked * GUARD / machine.grains;
             all.start_and_end += populations * HASH / machine.grains;
         }
         if let Some(seepage) = &scene.seepage {
