@@ -24,8 +24,8 @@
 //! width. The method is stable for any time step. A stage is a nonlinear system for the pressures only: the modes
 //! are eliminated link by link. Newton's method solves it with direct factors ([`crate::ldl`]); with turbulent
 //! friction it halves a step that does not reduce the imbalance. The factors are kept from iteration to iteration and
-//! from step to step as long as each iteration removes most of the imbalance (`newton`). A stage ends when its error is a
-//! small part of its change; the water that is missing in the balance of a node is added to that of the next step, so
+//! from step to step as long as each iteration removes most of the imbalance (`newton`). A stage ends when its error is
+//! a small part of its change; the water that is missing in the balance of a node is added to that of the next step, so
 //! that the sum is closed to rounding.
 //!
 //! **The state** consists of the pressure of each node, the modes of each link, the missing water of each node and the

@@ -13,8 +13,8 @@
 //! between smooth walls and earlier between rough ones. `Re` does not depend on the aperture, and each law scales
 //! with the inverse cube of the aperture, so that a link of varying aperture uses [`cube`].
 
-/// Reynolds number up to which the flow is laminar between walls of any roughness: the largest factor of a rough wall is
-/// `(2 lg 7.4)^(-2) = 96/290.13`.
+/// Reynolds number up to which the flow is laminar between walls of any roughness: the largest factor of a rough wall
+/// is `(2 lg 7.4)^(-2) = 96/290.13`.
 const LAMINAR: f64 = 290.0;
 
 /// Coefficients of turbulent friction of a link.

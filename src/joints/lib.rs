@@ -15,14 +15,14 @@
 //! | `friction` | laminar and turbulent friction |
 //! | `slot` | inertia with frequency-dependent friction |
 //! | `water` | density of water with air, vapour pressure |
-//! | `ldl`, `panels`, `order` | direct solution of sparse symmetric systems, their panels, order of elimination of large ones |
-//! | `flow` | pressures and discharges, steady and in time; their solution (`newton`), new networks (`renewal`) |
+//! | `ldl`, `panels`, `order` | direct solution of sparse symmetric systems, their panels, order of large ones |
+//! | `flow` | pressures and discharges, steady and in time (`step`); solution (`newton`), new networks (`renewal`) |
 //! | `history` | pressure at a mouth as a function of time |
 //! | `motion` | motion of blocks together with the pressures |
 //! | `loads` | force and moment on the blocks |
 //!
 //! Every rank stores the whole network and does the same operations in the same order, so that the bits depend
-//! neither on the number of ranks nor on that of threads.
+//! neither on the number of ranks nor on that of threads. Threads share the links of large networks.
 
 #![cfg_attr(test, allow(clippy::float_cmp, reason = "tests compare bits exactly"))]
 

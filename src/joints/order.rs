@@ -1,9 +1,10 @@
 //! Order of elimination of large networks: nested dissection by position.
 //!
 //! The unknowns are divided into two parts along the longest axis of their box, near the middle; those of one part that
-//! are joined to the other one separate them and come last (George, SIAM J. Numer. Anal. 10, 345 (1973); by coordinates: Miller,
-//! Teng, Thurston and Vavasis, J. ACM 44, 1 (1997)). The parts are divided in the same way down to small sets, which
-//! approximate minimum degree orders. The time for the order grows like the number of unknowns times its logarithm.
+//! are joined to the other one separate them and come last (George, SIAM J. Numer. Anal. 10, 345 (1973); by
+//! coordinates: Miller, Teng, Thurston and Vavasis, J. ACM 44, 1 (1997)). The place with fewest separators is taken.
+//! The parts are divided in the same way down to small sets, which approximate minimum degree orders. The time for the
+//! order grows like the number of unknowns times its logarithm.
 
 use crate::ldl::minimum_degree;
 use nalgebra::Vector3;

@@ -94,8 +94,10 @@ pub struct CostQuantities {
     cells: f64,
     /// Number of cells of the seepage.
     seepage_cells: f64,
-    /// Number of links in a network of joints.
-    joint_links: f64,
+    /// Number of links in a network of joints, of those in joints of blocks that can move, and of entries of its
+    /// factors.
+    joint_links: [f64; 2],
+    joint_entries: f64,
     /// Memory of the water in joints on every rank, and size of its data in a checkpoint \[bytes\].
     joint_bytes: f64,
     joint_numbers: f64,
@@ -156,7 +158,8 @@ impl CostQuantities {
             }
         }
         if let Some(joints) = &scene.joints {
-            all.joint_links = real(joints.counts.links);
+            all.joint_links = [joints.counts.links, joints.moving_links].map(real);
+            all.joint_entries = real(joints.entries);
             // The old and the new network of blocks that have moved are there together.
             let networks = if joints.movers > 0 { 2.0 } else { 1.0 };
             all.joint_bytes = networks * real(joints.bytes);

@@ -142,6 +142,21 @@ fn blocks_in_their_water_have_the_same_bits_on_any_ranks_and_threads_and_after_r
 }
 
 #[test]
+fn links_that_threads_share_have_the_same_bits() {
+    let _beside = beside_others();
+    let mut case = loose_bed();
+    // Several thousand links, of which each thread has at least 1,500.
+    case["fluid"]["joints"]["cell"] = json!(0.02);
+    case["time"]["end"] = json!(2e-3);
+    let study = Study::new(&case.to_string());
+    study.run("straight", 1, 1, &[]);
+    let cells = study.summary("straight")["joints"]["cells"].clone();
+    println!("{cells} cells");
+    assert!(cells.as_u64().unwrap() > 2000);
+    study.same_on(&[("two", 1, 2, ""), ("three", 1, 3, "")]);
+}
+
+#[test]
 fn a_flush_block_leaves_its_bed_by_the_law_of_its_film() {
     let _beside = beside_others();
     let study = Study::new(examples::find("plucked-block").unwrap().text);

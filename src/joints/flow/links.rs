@@ -70,7 +70,8 @@ impl JointFlow {
         let shape = &self.shapes[link];
         let gap = &self.gaps[shape.joint];
         let residual = self.network.settings.residual_aperture;
-        let apertures = shape.path.map(|at| gap.value(&at).max(residual));
+        let [from, to] = &shape.path;
+        let apertures = [gap.value(from).max(residual), gap.value(to).max(residual)];
         let (cube, inertial) = (cube(apertures), inertial(apertures));
         Channel {
             resistance: shape.resistance / cube,
@@ -168,8 +169,8 @@ impl JointFlow {
         }
     }
 
-    /// Returns the response of a link to the pressures in a stage of this duration \[s\] without the weight of the water
-    /// and the water outside.
+    /// Returns the response of a link to the pressures in a stage of this duration \[s\], without the weight of the
+    /// water and the water outside.
     fn response(&self, link: usize, channel: &Channel, interval: f64) -> LinkResponse {
         if !self.settings.inertia {
             return LinkResponse {
@@ -275,8 +276,8 @@ impl JointFlow {
         self.responses = responses;
     }
 
-    /// Computes the modes of a link at the end of a stage ([`Self::set_modes`]); returns the discharge that they leave in
-    /// the next one, if the walls stay where they are.
+    /// Computes the modes of a link at the end of a stage ([`Self::set_modes`]); returns the discharge that they leave
+    /// in the next one, if the walls stay where they are.
     fn end_modes(
         &self,
         link: usize,

@@ -124,8 +124,12 @@ const SEEPAGE: [f64; 3] = [2.1e-3, 1.6e-7, 4.8e-7];
 const WITHDRAWAL: f64 = 2e-6;
 /// Time of the equilibria of a pipe, per fourth power of its cells \[s\].
 const EQUILIBRIA: f64 = 1e-8;
-/// Time of a link of a network of joints in a step with its part of the factors, with inertia and without \[s\].
-const JOINT_LINK: [f64; 2] = [2.5e-6, 1.5e-6];
+/// Time of a link of a network of joints in a step, with inertia and without, and what a link in a joint of moving
+/// blocks adds \[s\].
+const JOINT_LINK: [f64; 2] = [7.6e-8, 3.5e-8];
+const MOVING_LINK: f64 = 2.5e-7;
+/// Time of an entry of the factors of a network of joints in a step, if all blocks are fixed, and if blocks move \[s\].
+const JOINT_ENTRY: [f64; 2] = [4.5e-9, 9e-9];
 /// Time of a cell of unsaturated ground in the first solution, and in a later one \[s\].
 const UNSATURATED: [f64; 2] = [1.2e-4, 5e-6];
 /// Time of an output without the bytes of its fields \[s\].
@@ -275,7 +279,10 @@ impl Seconds {
         }
         if let Some(joints) = &scene.joints {
             let link = JOINT_LINK[usize::from(!joints.written.inertia)];
-            all.joints = steps * amounts.joint_links * link / machine.grains;
+            let [links, moving] = amounts.joint_links;
+            let entry = JOINT_ENTRY[usize::from(joints.movers > 0)];
+            let step = links * link + moving * MOVING_LINK + amounts.joint_entries * entry;
+            all.joints = steps * step / machine.grains;
         }
         if amounts.moving() > 0.0 {
             let [round, block] = parts.solid;

@@ -58,6 +58,10 @@ pub struct JointScene {
     pub lattice_limits: Option<[f64; 2]>,
     /// Number of blocks that can move.
     pub movers: usize,
+    /// Number of links in joints of blocks that can move.
+    pub moving_links: usize,
+    /// Number of entries of the factors.
+    pub entries: usize,
     /// Memory of the network with its factors, on every rank \[bytes\].
     pub bytes: usize,
     /// Number of values that the water in the joints adds to a checkpoint.
@@ -196,6 +200,8 @@ impl JointScene {
                 .map_or(written.joints.largest_aperture, JointMethods::limit),
             lattice_limits: methods.as_ref().map(|methods| methods.lattice_limits(grid)),
             movers,
+            moving_links: 0,
+            entries: 0,
             bytes: 0,
             numbers: 0,
         };
@@ -260,10 +266,17 @@ impl JointScene {
         if self.under_lattice {
             self.check_cells(grid, findings);
         }
+        let moves = |joint: usize| {
+            let rocks = network.joints[joint].faces.map(|face| face.rock);
+            rocks.iter().any(|rock| !blocks.list[*rock].fixed)
+        };
+        let moving = network.links.iter().filter(|link| moves(link.joint));
+        self.moving_links = moving.count();
         let movers = (blocks.list.iter().enumerate())
             .filter(|(_, block)| !block.fixed)
             .map(|(n, block)| Mover::new(n, 1.0, Matrix3::identity(), block.solid.position));
         let flow = JointFlow::with_movers(network, self.settings([0.0; 3]), movers.collect());
+        self.entries = flow.factor_entries();
         self.bytes = flow.bytes();
         self.numbers = flow.state().len();
         for (n, mouth) in self.mouths.iter().enumerate() {
