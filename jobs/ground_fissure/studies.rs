@@ -16,7 +16,7 @@ use solver::analysis::erosion_law::read_rows;
 use solver::analysis::ground_collapse::record::{CollapseRecord, CollapseSummary};
 use solver::error::Error;
 use solver::figures::plot::{
-    Figure, Layer, Legend, Mark, Panel, PlotAxis, Shape, Style, sequential,
+    Figure, Layer, Legend, Mark, Panel, PlotAxis, PlotShape, Style, sequential,
 };
 use solver::sweep::table::machine;
 use std::f64::consts::PI;
@@ -276,7 +276,7 @@ fn figure(study: &Study, series: &[(&str, &str, f64, Deviation)]) -> Figure {
                 let place = study.values.iter().position(|v| v == value).unwrap_or(0);
                 let colour = sequential(place, study.values.len());
                 Layer::new(
-                    Shape::Marks { marks, style },
+                    PlotShape::Marks { marks, style },
                     &colour,
                     &format!("{soil} {value}"),
                 )
