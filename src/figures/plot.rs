@@ -153,7 +153,7 @@ pub struct PlotLabel {
     pub text: String,
 }
 
-/// PlotShape that a layer draws.
+/// Shape that a layer draws.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PlotShape {
     /// Line through points.
@@ -187,10 +187,10 @@ pub enum PlotShape {
     },
 }
 
-/// PlotShape with its colour and its entry in the legend (none if empty).
+/// Shape with its colour and its entry in the legend (none if empty).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layer {
-    /// PlotShape to draw.
+    /// Shape to draw.
     pub shape: PlotShape,
     /// Any SVG colour.
     pub colour: String,

@@ -159,7 +159,7 @@ fn fall_speed(scene: &Scene) -> Option<Speed> {
         || format!("{PATH}.surface.water"),
         |opening| opening.path.clone(),
     );
-    (value > 0.0).then(|| Speed {
+    (value > 0.0).then_some(Speed {
         what: SpeedCause::Fall,
         path,
         value,
