@@ -1,5 +1,10 @@
 //! Tests of the reader of drawings: files of several programs, arcs, and what is refused.
 
+#![allow(
+    clippy::float_cmp,
+    reason = "numbers of a drawing are read without rounding"
+)]
+
 use super::*;
 
 /// A polyline of a point cloud, closed by a last vertex equal to the first, in a file without units that CloudCompare

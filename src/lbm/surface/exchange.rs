@@ -176,7 +176,7 @@ const NEXT_TO: [u8; 3] = [1, 2, 4];
 fn bits(kind: u8) -> u8 {
     let [surface, gas, liquid] = NEXT_TO;
     let of = |bit: u8, holds: bool| if holds { bit } else { 0 };
-    of(surface, (kind >= SURFACE) & (kind < HELD))
+    of(surface, (SURFACE..HELD).contains(&kind))
         | of(gas, kind == GAS)
         | of(liquid, kind == LIQUID)
 }
