@@ -3,8 +3,8 @@
 //! The condition of a drain applies to the faces between its cells and the ground, or to both sides of the faces of
 //! a plane. These faces are boundary faces like those at the ends of the grid, so that every boundary condition may
 //! apply there, seepage faces included. The discharge of a well is a source in its cells instead, which stay in the
-//! ground and store water like all others; a well that is narrower than a cell is a plane, and its sources are the cells
-//! on both sides of it, between which water flows as everywhere.
+//! ground and store water like all others. A well that is narrower than a cell is a plane, and its sources are the
+//! cells on both sides of it, between which water flows as everywhere.
 
 use super::enclosure::{DrainFace, Openness, with_one_more};
 use super::grid::SeepageGrid;

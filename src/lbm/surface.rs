@@ -82,6 +82,7 @@ pub(crate) mod lists;
 mod moments;
 mod momentum;
 mod opening;
+mod positions;
 mod stencil;
 mod strips;
 mod tension;

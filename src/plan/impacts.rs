@@ -677,8 +677,8 @@ mod tests {
         found.next().map(|problem| problem.severity)
     }
 
-    /// Checks that a stiffness per diameter acts with the mean diameter of a grain and a boulder, in the overlap of their
-    /// impact and in the critical step, and that only pairs of materials which meet count.
+    /// Checks that a stiffness per diameter acts with the mean diameter of a grain and a boulder, in the overlap of
+    /// their impact and in the critical step, and that only pairs of materials which meet count.
     #[test]
     fn the_stiffness_of_an_impact_is_that_of_its_pair() {
         let planned = |stiffness: serde_json::Value, pairs: serde_json::Value| {

@@ -322,8 +322,8 @@ impl BondRelaxation {
         Ok((self.line(held, &still, moved), report))
     }
 
-    /// Returns `true` if the resultants are small beside the forces of the contacts, or are those of rounding: in a sample
-    /// that nothing loads, both vanish.
+    /// Returns `true` if the resultants are small compared with the forces of the contacts, or are those of rounding.
+    /// In a sample that nothing loads, both vanish.
     fn at_rest(&self, now: &EquilibriumState) -> bool {
         now.unbalanced() <= Relaxation::default().tolerance || now.resultant <= self.rounding
     }
@@ -440,7 +440,7 @@ mod tests {
         Ok(())
     }
 
-    /// Checks that two bonded grains without gravity whose forces vanish are at rest, and long before the limit of steps.
+    /// Checks that two bonded grains without gravity whose forces vanish are at rest long before the limit of steps.
     #[test]
     fn a_free_pair_comes_to_rest() {
         let corner = Vector3::repeat(0.01);

@@ -45,6 +45,8 @@ pub(super) struct Resumed {
     pub(super) regions: Option<Vec<Option<usize>>>,
     /// Regions that generate grains at another rate, or up to another number, than in the saved run.
     pub(super) feeds: Vec<usize>,
+    /// `true` if the case has changed, and it or that of the saved run generates grains.
+    pub(super) other_feeds: bool,
     /// `true` if the time averages continue from those of the checkpoint.
     pub(super) averages_continue: bool,
 }
@@ -71,6 +73,7 @@ impl Resumed {
             walls: None,
             regions: None,
             feeds: Vec::new(),
+            other_feeds: false,
             averages_continue: true,
         }
     }
@@ -248,9 +251,15 @@ fn expected(plan: &Plan, changed: bool, stage: &Stage) -> checkpoint::Expected {
     }
 }
 
-/// Returns the limits of the grains and contacts of a plan. With `changed` the case has changed since, so that
-/// generated grains may have had other radii.
-pub(super) fn bounds(plan: &Plan, changed: bool) -> checkpoint::StateLimits {
+/// Returns `true` if a region of the plan generates grains.
+fn feeds_grains(plan: &Plan) -> bool {
+    let mut regions = plan.scene.regions.iter();
+    regions.any(|region| matches!(region.action, RegionAction::Generate { .. }))
+}
+
+/// Returns the limits of the grains and contacts of a plan. With `other_feeds` generated grains may have had other
+/// radii before.
+pub(super) fn bounds(plan: &Plan, other_feeds: bool) -> checkpoint::StateLimits {
     let scene = &plan.scene;
     // Growth that ends when grains touch leaves all grains smaller than stated.
     let grown = |grains: &Grains| match grains.source {
@@ -278,7 +287,7 @@ pub(super) fn bounds(plan: &Plan, changed: bool) -> checkpoint::StateLimits {
             (low.min(least), high.max(most))
         });
     let edge = scene.grid.size.iter().copied().fold(0.0, f64::max);
-    let (smallest, largest) = if changed {
+    let (smallest, largest) = if other_feeds {
         (0.0, largest.max(edge))
     } else {
         (smallest.min(largest), largest)
@@ -296,6 +305,7 @@ pub(super) fn bounds(plan: &Plan, changed: bool) -> checkpoint::StateLimits {
     };
     checkpoint::StateLimits {
         size: scene.grid.size,
+        periodic: scene.grid.periodic,
         materials: scene.materials.len() as u64,
         shapes: scene.polyhedra().count() as u64,
         smallest,
@@ -447,6 +457,7 @@ pub(super) fn plan(
         let origins = region_origins(&old, &plan)?;
         resumed.feeds = changed_feeds(&old, &plan, &origins);
         resumed.regions = Some(origins);
+        resumed.other_feeds = [&old, &plan].into_iter().any(feeds_grains);
         let step = resumed.found.manifest.step;
         resumed.averages_continue = Averages::continues(&old, &plan, step).map_err(|path| {
             let written = |plan: &Plan| {

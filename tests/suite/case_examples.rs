@@ -77,16 +77,16 @@ fn the_piping_example_has_the_numbers_of_the_paper() {
         max_relative = 1e-12
     );
     assert_eq!(plan.scene.grid.cells, [336, 160, 1]);
-    // Critical time step 2 sqrt(m/k) of the smallest disc: m = 2650 pi r², k = 150e6 · 2r.
-    let radius = 0.75e-4_f64;
+    // Critical time step 2 sqrt(m/k) of the smallest disc at the largest one: m = 2650 pi r², k = 150e6 (r + R).
+    let (radius, largest) = (0.75e-4_f64, 1.25e-4);
     let mass = 2650.0 * std::f64::consts::PI * radius * radius;
-    let critical = 2.0 * (mass / (150e6 * 2.0 * radius)).sqrt();
+    let critical = 2.0 * (mass / (150e6 * (radius + largest))).sqrt();
     approx::assert_relative_eq!(
         plan.clock.critical_solid_time_step.expect("contacts"),
         critical,
         max_relative = 1e-12
     );
-    assert_eq!(plan.clock.solid_steps_per_step, 5);
+    assert_eq!(plan.clock.solid_steps_per_step, 6);
     assert_eq!(plan.clock.steps, 96_000);
     // k_n and C scale with the mean diameter of the pair.
     let law = plan.scene.contact.as_ref().expect("contacts").model();
@@ -107,7 +107,7 @@ fn a_saved_sample_sets_the_solid_steps_like_a_list() {
         Plan::prepare(document)
     };
     let good = plan("x,y,radius\n0.002,0.002,0.75e-4\n0.003,0.002,1.25e-4\n").expect("a plan");
-    assert_eq!(good.clock.solid_steps_per_step, 5);
+    assert_eq!(good.clock.solid_steps_per_step, 6);
     assert_eq!(good.scene.grains.expect("grains").expected, 2);
     for bad in [
         "x,y,radius\n1,0.002,1e-4\n",

@@ -57,6 +57,8 @@ struct Copy {
     folder: PathBuf,
     manifest: PathBuf,
     tree: Value,
+    /// Changes of the case for the restart.
+    set: Vec<String>,
 }
 
 impl Copy {
@@ -81,6 +83,7 @@ impl Copy {
             folder,
             manifest,
             tree,
+            set: Vec::new(),
         }
     }
 
@@ -108,6 +111,9 @@ impl Copy {
         words.extend(
             ["restart", self.folder.to_str().unwrap(), "--threads", "1"].map(str::to_owned),
         );
+        for set in &self.set {
+            words.extend(["--set".to_owned(), set.clone()]);
+        }
         let mut command = Command::new("timeout");
         command.envs(ENVIRONMENT);
         let session = tempfile::tempdir().unwrap();
@@ -323,6 +329,11 @@ fn every_column_of_grains_and_contacts_has_bounds() {
         copy.put(column, 3, value);
         copy.refused(0, "values that no ");
     }
+    // A later end of the run changes no radius.
+    let mut copy = Copy::new("columns");
+    copy.set.push("time.end=1".into());
+    copy.put("grains_radius", 3, real(1e-300));
+    copy.refused(0, "values that no ");
     let copy = Copy::new("columns");
     for (path, value, reason) in [
         (

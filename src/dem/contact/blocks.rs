@@ -36,10 +36,10 @@ use crate::dashpot::{over_step, part_of_step};
 use base::error::{Remedy, Report};
 
 /// F_n = k_n δ, |F_s| <= F_n tan Φ between blocks, which have no tension; with moments against twisting and rocking
-/// of faces in contact. Sliding and twisting share the friction of a face by an ellipsoid (Howe and Cutkosky 1996), which
-/// is exact for sliding alone and for the twist of a square or a disc. A square face that slides and twists at once
-/// loses its spin up to 40 % too fast, and its speed 4 % too slowly to 22 % too fast; the twist of a face of 4 to 1 is
-/// braked by 6 % too much.
+/// of faces in contact. Sliding and twisting share the friction of a face by an ellipsoid (Howe and Cutkosky 1996),
+/// which is exact for sliding alone and for the twist of a square or a disc. A square face that slides and twists at
+/// once loses its spin up to 40 % too fast, and its speed 4 % too slowly to 22 % too fast; the twist of a face of 4 to
+/// 1 is braked by 6 % too much.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "Blocks")]

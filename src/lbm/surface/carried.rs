@@ -5,13 +5,14 @@
 //! neighbours: before the pass it receives the velocity and the pressure extrapolated from the cell inside, and
 //! after the pass its links to other wet cells receive the traction between that cell and the surface.
 
-use super::batch::{Batch, MOST, each_part, find};
+use super::batch::{Batch, each_part, find};
 use super::carrier::Carrier;
 use super::cells::Cells;
 use super::conversion::inside;
 use super::ghosts::Ghosts;
 use super::jump::{Jump, pressed};
 use super::kind::{LIQUID, SOLID, is_surface};
+use super::positions::MOST;
 use super::stencil::{Numbers, Stencil};
 use crate::initial::equilibrium;
 use crate::lanes::{Stored, Work};
@@ -54,16 +55,16 @@ impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Work for Set<'_, L, S, J
         let mut g = [0.0; MOST];
         for batch in self.batches {
             let (count, facets) = (batch.positions.padded(), &batch.facets);
-            let carried = Carried::of(batch);
+            let carried = Carried::new(batch);
             if carried.count == 0 {
                 continue;
             }
             for k in 0..count {
-                density[k] = pressed(self.jump, batch.capillary[k], facets.at(k).density());
+                density[k] = pressed(self.jump, batch.capillary[k], facets.facet(k).density());
             }
             for i in 0..Q {
                 for k in 0..count {
-                    g[k] = equilibrium(L::W[i], L::C[i], density[k], facets.at(k).given);
+                    g[k] = equilibrium(L::W[i], L::C[i], density[k], facets.facet(k).given);
                 }
                 for (k, cell) in carried.cells() {
                     // SAFETY: the incoming numbers of a cell belong to it.
@@ -84,7 +85,7 @@ struct Carried {
 impl Carried {
     /// Returns the carried cells.
     #[inline(always)]
-    fn of(batch: &Batch) -> Self {
+    fn new(batch: &Batch) -> Self {
         let mut found = Self {
             all: [(0, 0); MOST],
             count: 0,
@@ -122,7 +123,7 @@ pub(super) fn carrier(cells: &Cells, batches: &[Batch], cell: usize) -> Option<C
         return None;
     }
     let (batch, k) = find(batches, cell)?;
-    Some(batch.facets.at(k).carrier(batch.capillary[k]))
+    Some(batch.facets.facet(k).carrier(batch.capillary[k]))
 }
 
 /// Sets the populations that return to wet cells from the carried cells of the slab and outside it.
@@ -217,13 +218,13 @@ impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Work for Link<'_, L, S, 
                 next.prefetch_links(self.numbers, stencil);
             }
             let (positions, facets) = (&batch.positions, &batch.facets);
-            let carried = Carried::of(batch);
+            let carried = Carried::new(batch);
             if carried.count == 0 {
                 continue;
             }
             positions.kinds(self.cells, stencil, &mut kinds);
             for k in 0..positions.padded() {
-                let carrier = facets.at(k).carrier(0.0);
+                let carrier = facets.facet(k).carrier(0.0);
                 slope[k] = carrier.slope;
                 for (to, part) in traction.iter_mut().zip(carrier.traction) {
                     to[k] = part;
@@ -232,7 +233,7 @@ impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Work for Link<'_, L, S, 
             for i in 1..Q {
                 let c = Stencil::<L, Q>::C[i];
                 for k in 0..positions.padded() {
-                    let facet = facets.at(k);
+                    let facet = facets.facet(k);
                     let carrier = Carrier {
                         normal: facet.normal,
                         distance: facet.distance,

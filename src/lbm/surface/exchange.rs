@@ -8,7 +8,7 @@
 //! interface cells only one of the two terms counts, so that stray cells empty and enclosed cells fill (N. Thürey,
 //! Physically based animation of free surface flows with the lattice Boltzmann method, Erlangen 2007, table 4.1).
 
-use super::batch::{Batch, Kinds, MOST, Positions, Values, each_part};
+use super::batch::{Batch, each_part};
 use super::cells::Cells;
 use super::facet::{Drive, bounded};
 use super::facets::{Find, Inner};
@@ -17,6 +17,7 @@ use super::jump::{Jump, pressed};
 use super::kind::{EMPTIES, ENCLOSED, FILLS, GAS, HELD, LIQUID, SOLID, STRAY, SURFACE, is_surface};
 use super::lists::Plane;
 use super::moments::{Moments, moments};
+use super::positions::{Kinds, MOST, Positions, Values};
 use super::stencil::{Numbers, Stencil, density};
 use crate::lanes::{Stored, Work};
 use crate::lattice::Lattice;
@@ -176,9 +177,7 @@ const NEXT_TO: [u8; 3] = [1, 2, 4];
 fn bits(kind: u8) -> u8 {
     let [surface, gas, liquid] = NEXT_TO;
     let of = |bit: u8, holds: bool| if holds { bit } else { 0 };
-    of(surface, (SURFACE..HELD).contains(&kind))
-        | of(gas, kind == GAS)
-        | of(liquid, kind == LIQUID)
+    of(surface, (SURFACE..HELD).contains(&kind)) | of(gas, kind == GAS) | of(liquid, kind == LIQUID)
 }
 
 /// Buffers of a thread.
@@ -254,7 +253,7 @@ impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Exchange<'_, L, S, J, Q>
     fn look_inside(&self, batch: &Batch, to: &mut Buffers<Q>) {
         let facets = &batch.facets;
         let positions = &batch.positions;
-        let inner = Inner::of((positions, &facets.inward), self.stencil, self.around);
+        let inner = Inner::new((positions, &facets.inward), self.stencil, self.around);
         // SAFETY: no thread writes the incoming numbers of liquid cells.
         unsafe {
             inner
@@ -262,7 +261,7 @@ impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Exchange<'_, L, S, J, Q>
                 .incoming(self.numbers, self.stencil, &mut to.came)
         };
         for k in 0..positions.padded() {
-            to.inside[k] = facets.at(k).in_middle(density::<Q>(|i| to.came[i][k]));
+            to.inside[k] = facets.facet(k).in_middle(density::<Q>(|i| to.came[i][k]));
         }
         if !inner.beyond {
             return;
@@ -277,7 +276,7 @@ impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Exchange<'_, L, S, J, Q>
             let link = (cell as usize, usize::from(facets.inward[k]));
             if self.around.holds(self.stencil.neighbour(link.0, link.1)) {
                 let [now, ..] = self.around.moments_along(self.populations, link, of_cell);
-                to.inside[k] = facets.at(k).in_middle(now);
+                to.inside[k] = facets.facet(k).in_middle(now);
             }
         }
     }
@@ -361,7 +360,7 @@ impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Exchange<'_, L, S, J, Q>
         let count = batch.positions.padded();
         let mut back = [0.0; MOST];
         for k in 0..count {
-            let even = batch.facets.at(k).even(c, inside[k]);
+            let even = batch.facets.facet(k).even(c, inside[k]);
             let even = pressed(self.jump, batch.capillary[k], even);
             back[k] = S::from_f64(2.0 * w * even - sent[k]).to_f64();
         }

@@ -22,6 +22,7 @@ use super::cells::Cells;
 use super::jump::Jump;
 use super::kind::{HELD, SOLID};
 use super::moments::{Moments, across};
+use super::positions::{MOST, Values};
 use super::stencil::Stencil;
 use crate::lattice::{Lattice, unroll};
 
@@ -281,5 +282,68 @@ impl Facet {
             inner[1] + factor * y,
             inner[2] + factor * z,
         ];
+    }
+}
+
+/// Surface in the cells of a batch: the values of [`Facet`].
+#[derive(Clone, Debug, Default)]
+pub(super) struct Facets {
+    velocity: [Values; 3],
+    normal: [Values; 3],
+    distance: Values,
+    at_rest: Values,
+    most: Values,
+    has_inside: Values,
+    inside: Values,
+    density_inside: Values,
+    traction: [Values; 3],
+    inner: Values,
+    pub(super) is_carried: Values,
+    given: [Values; 3],
+    /// Direction to the liquid cell closest to the inward normal; 0 without one.
+    pub(super) inward: [u8; MOST],
+    /// `true` for the cells that the liquid cell inside carries.
+    pub(super) carried: [bool; MOST],
+}
+
+impl Facets {
+    /// Returns the surface in a cell.
+    #[inline(always)]
+    pub(super) fn facet(&self, k: usize) -> Facet {
+        let of = |vector: &[Values; 3]| [vector[0][k], vector[1][k], vector[2][k]];
+        Facet {
+            velocity: of(&self.velocity),
+            normal: of(&self.normal),
+            distance: self.distance[k],
+            at_rest: self.at_rest[k],
+            most: self.most[k],
+            has_inside: self.has_inside[k],
+            inside: self.inside[k],
+            density_inside: self.density_inside[k],
+            traction: of(&self.traction),
+            inner: self.inner[k],
+            is_carried: self.is_carried[k],
+            given: of(&self.given),
+        }
+    }
+
+    /// Sets the surface in a cell.
+    #[inline(always)]
+    pub(super) fn set(&mut self, k: usize, facet: &Facet) {
+        let set = |vector: &mut [Values; 3], [x, y, z]: [f64; 3]| {
+            (vector[0][k], vector[1][k], vector[2][k]) = (x, y, z);
+        };
+        set(&mut self.velocity, facet.velocity);
+        set(&mut self.normal, facet.normal);
+        self.distance[k] = facet.distance;
+        self.at_rest[k] = facet.at_rest;
+        self.most[k] = facet.most;
+        self.has_inside[k] = facet.has_inside;
+        self.inside[k] = facet.inside;
+        self.density_inside[k] = facet.density_inside;
+        set(&mut self.traction, facet.traction);
+        self.inner[k] = facet.inner;
+        self.is_carried[k] = facet.is_carried;
+        set(&mut self.given, facet.given);
     }
 }

@@ -1,6 +1,6 @@
 //! Facets of the cells of a batch.
 
-use super::batch::{Batch, Kinds, MOST, Positions, Values};
+use super::batch::Batch;
 use super::carrier::dot;
 use super::cells::Cells;
 use super::cut;
@@ -9,6 +9,7 @@ use super::ghosts::Around;
 use super::jump::Jump;
 use super::kind::{HELD, LIQUID, SOLID};
 use super::moments::Moments;
+use super::positions::{Kinds, MOST, Positions, Values};
 use super::stencil::{Numbers, Stencil, momentum, sums};
 use crate::lanes::{Stored, Work};
 use crate::lattice::{Lattice, unroll};
@@ -18,69 +19,6 @@ use base::number::to_u32;
 /// Minimum component against the normal, relative to its length, of a link from an interface cell to the liquid
 /// cell inside.
 const INWARD: f64 = 0.7;
-
-/// Surface in the cells of a batch: the values of [`Facet`].
-#[derive(Clone, Debug, Default)]
-pub(super) struct Facets {
-    velocity: [Values; 3],
-    normal: [Values; 3],
-    distance: Values,
-    at_rest: Values,
-    most: Values,
-    has_inside: Values,
-    inside: Values,
-    density_inside: Values,
-    traction: [Values; 3],
-    inner: Values,
-    is_carried: Values,
-    given: [Values; 3],
-    /// Direction to the liquid cell closest to the inward normal; 0 without one.
-    pub(super) inward: [u8; MOST],
-    /// `true` for the cells that the liquid cell inside carries.
-    pub(super) carried: [bool; MOST],
-}
-
-impl Facets {
-    /// Returns the surface in a cell.
-    #[inline(always)]
-    pub(super) fn at(&self, k: usize) -> Facet {
-        let of = |vector: &[Values; 3]| [vector[0][k], vector[1][k], vector[2][k]];
-        Facet {
-            velocity: of(&self.velocity),
-            normal: of(&self.normal),
-            distance: self.distance[k],
-            at_rest: self.at_rest[k],
-            most: self.most[k],
-            has_inside: self.has_inside[k],
-            inside: self.inside[k],
-            density_inside: self.density_inside[k],
-            traction: of(&self.traction),
-            inner: self.inner[k],
-            is_carried: self.is_carried[k],
-            given: of(&self.given),
-        }
-    }
-
-    /// Sets the surface in a cell.
-    #[inline(always)]
-    fn set(&mut self, k: usize, facet: &Facet) {
-        let set = |vector: &mut [Values; 3], [x, y, z]: [f64; 3]| {
-            (vector[0][k], vector[1][k], vector[2][k]) = (x, y, z);
-        };
-        set(&mut self.velocity, facet.velocity);
-        set(&mut self.normal, facet.normal);
-        self.distance[k] = facet.distance;
-        self.at_rest[k] = facet.at_rest;
-        self.most[k] = facet.most;
-        self.has_inside[k] = facet.has_inside;
-        self.inside[k] = facet.inside;
-        self.density_inside[k] = facet.density_inside;
-        set(&mut self.traction, facet.traction);
-        self.inner[k] = facet.inner;
-        self.is_carried[k] = facet.is_carried;
-        set(&mut self.given, facet.given);
-    }
-}
 
 /// Computes the normals like [`normal`] for the cells of a batch; 0 without a gradient.
 #[inline(always)]
@@ -174,7 +112,7 @@ pub(super) struct Inner {
 impl Inner {
     /// Returns the liquid cells inside of the cells of a batch.
     #[inline(always)]
-    pub(super) fn of<L: Lattice<Q>, const Q: usize>(
+    pub(super) fn new<L: Lattice<Q>, const Q: usize>(
         (positions, inward): (&Positions, &[u8; MOST]),
         stencil: &Stencil<L, Q>,
         around: &Around,
@@ -186,7 +124,7 @@ impl Inner {
             beyond |= ghost;
             if ghost { cell } else { to_u32(next) }
         });
-        let positions = Positions::of(cells);
+        let positions = Positions::new(cells);
         Self { positions, beyond }
     }
 }
@@ -242,7 +180,7 @@ impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Work for Find<'_, L, S, 
                 }
                 next.prefetch_inside(self.numbers, self.stencil);
             }
-            self.look(&positions, &mut buffers);
+            self.look_at(&positions, &mut buffers);
             self.look_inside(&positions, &mut buffers);
             let batch = &mut self.batches[n];
             for k in 0..positions.padded() {
@@ -288,7 +226,7 @@ fn moments_at(all: &[Values; 10], k: usize) -> Moments {
 impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Find<'_, L, S, J, Q> {
     /// Computes momentum, normal, direction inwards and distance of the surface of each cell.
     #[inline(always)]
-    fn look(&self, positions: &Positions, to: &mut Buffers<Q>) {
+    fn look_at(&self, positions: &Positions, to: &mut Buffers<Q>) {
         let count = positions.padded();
         // SAFETY: interface cells of the slab, whose numbers are only read.
         unsafe { positions.incoming(self.numbers, self.stencil, &mut to.numbers) };
@@ -318,7 +256,7 @@ impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Find<'_, L, S, J, Q> {
     /// Computes the moments of the liquid cell inside of each cell.
     #[inline(always)]
     fn look_inside(&self, positions: &Positions, to: &mut Buffers<Q>) {
-        let inner = Inner::of((positions, &to.inward), self.stencil, self.around);
+        let inner = Inner::new((positions, &to.inward), self.stencil, self.around);
         // SAFETY: cells of the slab, whose numbers are only read.
         unsafe {
             inner

@@ -213,6 +213,8 @@ impl Expected {
 pub struct StateLimits {
     /// Edges of the domain \[m\].
     pub size: [f64; 3],
+    /// Periodic axes. Grains and contacts have no shift along the others.
+    pub periodic: [bool; 3],
     /// Number of materials.
     pub materials: u64,
     /// Number of shapes of blocks.
@@ -271,7 +273,9 @@ impl StateLimits {
                 let good = match (name.as_str(), values) {
                     ("first" | "second" | "grain", Values::Whole(ids)) => ids.iter().all(known),
                     ("wall", Values::Whole(numbers)) => numbers.iter().all(|wall| *wall < walls),
-                    (_, Values::Whole(numbers)) if name.starts_with("shift") => shifts(numbers),
+                    (_, Values::Whole(numbers)) if name.starts_with("shift") => {
+                        self.shifts(name, numbers)
+                    }
                     (_, Values::Whole(numbers)) => numbers.iter().all(|n| *n < IDS),
                     (_, Values::Real(numbers)) => within(numbers, -MAGNITUDE, MAGNITUDE),
                 };
@@ -312,7 +316,7 @@ impl StateLimits {
                         let shape = |s: u64| s < self.shapes || s == u64::from(u32::MAX);
                         values.iter().all(|s| shape(*s))
                     }
-                    _ if name.starts_with("shift") => shifts(values),
+                    _ if name.starts_with("shift") => self.shifts(name, values),
                     _ => values.iter().all(|n| *n < LARGEST),
                 },
             };
@@ -350,6 +354,19 @@ impl StateLimits {
         Ok(())
     }
 
+    /// Returns `true` if all numbers of periods, stored as whole numbers, are at most [`SHIFTS`] in magnitude, and 0
+    /// along an axis that is not periodic.
+    fn shifts(&self, name: &str, numbers: &[u64]) -> bool {
+        let axis = name.chars().last().and_then(|last| "xyz".find(last));
+        let most = if axis.is_none_or(|axis| self.periodic[axis]) {
+            SHIFTS
+        } else {
+            0
+        };
+        let small = |n: &u64| (-most..=most).contains(&n.cast_signed());
+        numbers.iter().all(small)
+    }
+
     /// Returns the minimum and maximum of a column of real numbers.
     fn range(&self, name: &str) -> [f64; 2] {
         let both = |most: f64| [-most, most];
@@ -378,12 +395,6 @@ fn mismatch(what: &str) -> Result<(), Error> {
 /// Returns `true` if all numbers lie in a range; none is NaN.
 fn within(numbers: &[f64], least: f64, most: f64) -> bool {
     numbers.iter().all(|x| (least..=most).contains(x))
-}
-
-/// Returns `true` if all numbers of periods, stored as whole numbers, are at most [`SHIFTS`] in magnitude.
-fn shifts(numbers: &[u64]) -> bool {
-    let small = |n: &u64| (-SHIFTS..=SHIFTS).contains(&n.cast_signed());
-    numbers.iter().all(small)
 }
 
 /// Maximum number of arrays in a checkpoint.

@@ -256,7 +256,7 @@ pub(crate) fn regions(
 /// Number of positions along each axis that are tried for a grain of a feed.
 const TRIED: usize = 12;
 
-/// Returns the name of the structure that covers the middle of a region if grains of this radius \[m\] have no room
+/// Returns the name of the structure that covers the middle of a region if grains of this radius \[m\] have no space
 /// outside the structures at any of [`TRIED`] positions along each axis.
 fn covering<'a>(block: &AlignedBox, radius: f64, structures: &'a [Structure]) -> Option<&'a str> {
     let solid = |at: [f64; 3]| {

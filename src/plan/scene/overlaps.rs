@@ -887,7 +887,7 @@ mod tests {
             assert_eq!(problems.len(), 1, "{words}: {problems:?}");
             assert!(problems[0].reason.contains(words), "{}", problems[0]);
         }
-        // The end face of the beam lies in the wall, and the post stands beside it.
+        // The end face of the beam lies in the wall, and the post stands behind it.
         assert_eq!(beam(sheet(0.09)), []);
         assert_eq!(beam(post(0.09)), []);
     }

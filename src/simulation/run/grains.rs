@@ -60,7 +60,7 @@ fn read<Sp: Space>(
 ) -> Result<Grains<Sp>, Error> {
     let reader = restore::reader(found)?;
     // Only the first rank reads the grains, so that it alone may find errors in them.
-    let read = read_tables(plan, &reader, origin.changed(), communicator);
+    let read = read_tables(plan, &reader, origin.other_feeds(), communicator);
     let (mut particles, mut contacts) = agreement::agree(communicator, read)?;
     if let Some(walls) = origin.walls() {
         contacts.take_walls(walls)?;
@@ -75,11 +75,11 @@ fn read<Sp: Space>(
 fn read_tables<Sp: Space>(
     plan: &Plan,
     reader: &Reader,
-    changed: bool,
+    other_feeds: bool,
     communicator: &Communicator,
 ) -> Result<(Particles<Sp>, Contacts), Error> {
     let (grains, contacts) = checkpoint::read_tables(reader, communicator.rank())?;
-    resume::bounds(plan, changed).hold(&grains, &contacts)?;
+    resume::bounds(plan, other_feeds).hold(&grains, &contacts)?;
     Ok((Particles::from_table(&grains)?, contacts))
 }
 

@@ -73,11 +73,6 @@ impl Origin {
         resumed.filter(|_| matches!(self.stage, Some(Stage::Sample)))
     }
 
-    /// Returns `true` if the case has changed since the checkpoint.
-    pub(super) fn changed(&self) -> bool {
-        self.resumed.as_ref().is_some_and(|resumed| resumed.changed)
-    }
-
     /// Returns the index of each wall in the earlier run; none if the walls are the same.
     pub(super) fn walls(&self) -> Option<&[Option<usize>]> {
         self.resumed.as_ref()?.walls.as_deref()
@@ -91,6 +86,13 @@ impl Origin {
     /// Returns the regions whose rate of generated grains a restart has changed.
     pub(super) fn feeds(&self) -> &[usize] {
         self.resumed.as_ref().map_or(&[], |resumed| &resumed.feeds)
+    }
+
+    /// Returns `true` if grains generated before the checkpoint may have had other radii.
+    pub(super) fn other_feeds(&self) -> bool {
+        self.resumed
+            .as_ref()
+            .is_some_and(|resumed| resumed.other_feeds)
     }
 
     /// Returns `true` if the time averages continue from those of the checkpoint.
