@@ -49,6 +49,7 @@
 //! | `cells` | kind, mass and fill level of the cells of a slab |
 //! | `lists` | interface cells and wet parts of rows, by plane |
 //! | `batch` | interface cells that are computed together |
+//! | `positions` | positions of the cells of a batch, and reads from all of them |
 //! | `ghosts` | state of the cells outside the slab |
 //! | `moments` | density, velocity and stress of a cell |
 //! | `momentum` | momentum of a step, for its balance |
