@@ -118,7 +118,10 @@ def gpu_sources(root):
 
 def without_signatures(lines):
     """Returns the number of lines that are neither in the head of a function nor brackets only."""
-    count, in_head = 0, False
+    # Equal lines may begin among the parameters of a head, whose first line differs.
+    end = next((n for n, line in enumerate(lines) if line.startswith(")")), 0)
+    in_head = all(line.endswith(",") and (":" in line or "self" in line) for line in lines[:end])
+    count = 0
     for line in lines:
         in_head = in_head or bool(HEAD.match(line))
         count += not in_head and not BRACKETS.fullmatch(line)

@@ -35,7 +35,6 @@ use crate::friction::Turbulence;
 use crate::ldl::Factors;
 use crate::motion::{FREEDOMS, Lever, LoadedCell, Mover, movers_of, touches};
 use crate::network::{End, Network};
-use crate::order::dissection;
 use crate::polygon::LinearField;
 use crate::slot::{MODES, Modes};
 use crate::water::Mixture;
@@ -48,14 +47,13 @@ mod memory;
 mod newton;
 mod renewal;
 mod step;
+mod system;
 mod walls;
 
 /// Pairs of rotational degrees of freedom of a block.
 const ROTATION_PAIRS: [[usize; 2]; 3] = [[3, 4], [3, 5], [4, 5]];
 /// Diagonal of the two stages.
 const DIAGONAL: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
-/// Largest system whose unknowns are eliminated in the order of their degree.
-const SMALL_SYSTEM: usize = 10_000;
 
 /// Settings of a flow.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -161,12 +159,9 @@ pub struct StepReport {
     pub entered: f64,
 }
 
-/// Pressures and discharges of a network.
+/// Links of a network in the present stage.
 #[derive(Clone, Debug)]
-pub struct JointFlow {
-    settings: FlowSettings,
-    network: Network,
-    modes: Modes,
+struct Links {
     /// Nodes at the ends of each link; for links to open pieces, which come last, the node and the piece.
     ends: Vec<[u32; 2]>,
     /// Number of links between nodes.
@@ -179,8 +174,36 @@ pub struct JointFlow {
     channels: Vec<Channel>,
     /// Coefficients of turbulent friction of each link; none for laminar flow.
     turbulences: Vec<Turbulence>,
-    sizes: Vec<CellSize>,
+    /// Discharges of the modes of each link; none without inertia.
+    mode: Vec<[f64; MODES]>,
+    /// Responses of the links whose walls do not move in the next stage, and its duration \[s\]; none if the channels
+    /// have changed.
+    responses: Vec<LinkResponse>,
+    responses_of: Option<f64>,
+    /// Discharges at the end of the last stage \[m³/s\].
+    discharge: Vec<f64>,
+}
+
+/// Gaps of the joints, and the moving blocks that change them.
+#[derive(Clone, Debug)]
+struct Walls {
+    /// Present gaps \[m\]: the sum of the next two.
     gaps: Vec<LinearField>,
+    /// Gaps without the displacements of the blocks, and the change of these gaps by the displacements \[m\].
+    base_gaps: Vec<LinearField>,
+    openings: Vec<LinearField>,
+    /// Mover of each block.
+    of_rock: Vec<Option<usize>>,
+    /// Joints of moving blocks and their cells; `true` for each of their links; levers of the blocks at these joints.
+    moving: [Vec<usize>; 2],
+    link_moves: Vec<bool>,
+    levers: Vec<[Option<Lever>; 2]>,
+}
+
+/// Volumes of the cells and their water.
+#[derive(Clone, Debug)]
+struct Storage {
+    sizes: Vec<CellSize>,
     /// Volumes that store by compression \[m³\].
     volumes: Vec<f64>,
     /// Volumes that follow the walls without the displacements of the blocks, and the change of these volumes by the
@@ -190,18 +213,11 @@ pub struct JointFlow {
     /// Water of the nodes in excess of their volumes and pressures \[m³\]: what the last step left, and what blocks
     /// that were placed displaced.
     surplus: Vec<f64>,
-    pressure: Vec<f64>,
-    /// Discharges of the modes of each link; none without inertia.
-    mode: Vec<[f64; MODES]>,
-    /// Responses of the links whose walls do not move in the next stage, and its duration \[s\]; none if the channels
-    /// have changed.
-    responses: Vec<LinkResponse>,
-    responses_of: Option<f64>,
-    discharge: Vec<f64>,
-    /// Water that left through each open piece in the last step \[m³\].
-    passed: Vec<f64>,
-    /// Node with fixed pressure in each closed part of the network, found by the first solution.
-    held: Vec<usize>,
+}
+
+/// Linear system of Newton's method.
+#[derive(Clone, Debug)]
+struct System {
     factors: Factors,
     /// Matrix of the factors: its diagonal and pairs.
     factored: [Vec<f64>; 2],
@@ -209,30 +225,27 @@ pub struct JointFlow {
     keeps: bool,
     /// Number of factorisations in this step.
     factorisations: usize,
+    /// Node with fixed pressure in each closed part of the network, found by the first solution.
+    held: Vec<usize>,
+}
+
+/// Pressures and discharges of a network.
+#[derive(Clone, Debug)]
+pub struct JointFlow {
+    settings: FlowSettings,
+    network: Network,
+    modes: Modes,
+    links: Links,
+    walls: Walls,
+    storage: Storage,
+    pressure: Vec<f64>,
+    /// Water that left through each open piece in the last step \[m³\].
+    passed: Vec<f64>,
+    system: System,
     work: Work,
     /// Moving blocks, each with the adjacent cells.
     movers: Vec<Mover>,
     touches: Vec<LoadedCell>,
-    /// Mover of each block.
-    of_rock: Vec<Option<usize>>,
-    /// Joints of moving blocks and their cells; `true` for each of their links; levers of the blocks at these joints.
-    moving: [Vec<usize>; 2],
-    link_moves: Vec<bool>,
-    levers: Vec<[Option<Lever>; 2]>,
-    /// Gaps without the displacements of the blocks, and the change of these gaps by the displacements \[m\].
-    base_gaps: Vec<LinearField>,
-    openings: Vec<LinearField>,
-}
-
-/// Returns the analysis of the system of a network and its blocks with nonzero entries at `pairs`.
-fn factors(network: &Network, movers: &[Mover], pairs: &[[usize; 2]]) -> Factors {
-    let unknowns = network.nodes() + FREEDOMS * movers.len();
-    if unknowns <= SMALL_SYSTEM {
-        return Factors::new(unknowns, pairs);
-    }
-    let centroids = movers.iter().flat_map(|mover| [mover.centroid; FREEDOMS]);
-    let positions: Vec<_> = network.positions.iter().copied().chain(centroids).collect();
-    Factors::in_order(dissection(&positions, pairs), pairs)
 }
 
 /// Buffers of a stage.
@@ -255,6 +268,27 @@ struct Work {
     starts: Vec<[Vector6<f64>; 2]>,
 }
 
+impl Work {
+    /// Returns the buffers of a network with a number of moving blocks.
+    fn new(network: &Network, movers: usize) -> Self {
+        let (nodes, pieces) = (network.nodes(), network.open.len());
+        let unknowns = nodes + FREEDOMS * movers;
+        Self {
+            answers: vec![LinkResponse::default(); network.links.len()],
+            fronts: vec![None; pieces],
+            outside: vec![0.0; pieces],
+            base: vec![0.0; nodes],
+            before: vec![0.0; nodes],
+            opened: vec![0.0; nodes],
+            imbalance: vec![0.0; unknowns],
+            trial: vec![0.0; unknowns],
+            net: vec![0.0; unknowns],
+            first: vec![0.0; unknowns],
+            starts: vec![[Vector6::zeros(); 2]; movers],
+        }
+    }
+}
+
 impl JointFlow {
     /// Returns the stationary water of a network at zero pressure.
     #[must_use]
@@ -265,82 +299,27 @@ impl JointFlow {
     /// Returns the stationary water of a network with moving blocks ([`crate::motion`]), at zero pressure.
     #[must_use]
     pub fn with_movers(network: Network, settings: FlowSettings, movers: Vec<Mover>) -> Self {
-        let (nodes, links) = (network.nodes(), network.links.len());
         let of_rock = movers_of(&movers);
         let touches = touches(&network, &movers, &of_rock);
-        let unknowns = nodes + FREEDOMS * movers.len();
-        let mut pairs: Vec<[usize; 2]> = network
-            .links
-            .iter()
-            .filter_map(|link| match link.to {
-                End::Node(to) => Some([link.from, to]),
-                End::Open(_) => None,
-            })
-            .collect();
-        for touch in &touches {
-            let first = nodes + FREEDOMS * touch.mover;
-            pairs.extend((first..first + FREEDOMS).map(|freedom| [touch.cell, freedom]));
-        }
-        for mover in 0..movers.len() {
-            let first = nodes + FREEDOMS * mover;
-            pairs.extend(ROTATION_PAIRS.map(|[a, b]| [first + a, first + b]));
-        }
-        let modes = if settings.inertia { links } else { 0 };
-        let (moving, link_moves) = walls::moving(&network, &of_rock);
-        let levers = |joint: &usize| walls::levers_of(&network, (&movers, &of_rock), *joint);
-        let levers = moving[0].iter().map(levers).collect();
         let mut flow = Self {
             settings,
             modes: Modes::new(),
-            ends: network.links.iter().map(links::ends).collect(),
-            inner: links - network.open.len(),
-            lifts: links::lifts(&network, &settings),
-            shapes: links::shapes(&network, &settings),
-            relaxation: 4.0 * settings.water.viscosity / settings.water.mixture_density(),
-            channels: vec![Channel::default(); links],
-            turbulences: vec![Turbulence::default(); settings.roughness.map_or(0, |_| links)],
-            sizes: walls::sizes(&network),
-            gaps: network.joints.iter().map(|joint| joint.gap).collect(),
-            base_gaps: network.joints.iter().map(|joint| joint.gap).collect(),
-            openings: vec![LinearField::default(); network.joints.len()],
-            volumes: vec![0.0; nodes],
-            fills: vec![0.0; nodes],
-            opened: vec![0.0; nodes],
-            surplus: vec![0.0; nodes],
-            pressure: vec![0.0; nodes],
-            mode: vec![[0.0; MODES]; modes],
-            responses: vec![LinkResponse::default(); links],
-            responses_of: None,
-            discharge: vec![0.0; links],
+            links: Links::new(&network, &settings),
+            walls: Walls::new(&network, &movers, of_rock),
+            storage: Storage::new(&network),
+            pressure: vec![0.0; network.nodes()],
             passed: vec![0.0; network.open.len()],
-            held: Vec::new(),
-            factors: factors(&network, &movers, &pairs),
-            factored: [vec![0.0; unknowns], vec![0.0; pairs.len()]],
-            keeps: false,
-            factorisations: 0,
-            work: Work {
-                answers: vec![LinkResponse::default(); links],
-                fronts: vec![None; network.open.len()],
-                outside: vec![0.0; network.open.len()],
-                base: vec![0.0; nodes],
-                before: vec![0.0; nodes],
-                opened: vec![0.0; nodes],
-                imbalance: vec![0.0; unknowns],
-                trial: vec![0.0; unknowns],
-                net: vec![0.0; unknowns],
-                first: vec![0.0; unknowns],
-                starts: vec![[Vector6::zeros(); 2]; movers.len()],
-            },
-            moving,
-            link_moves,
-            levers,
+            system: System::new(&network, &movers, &touches),
+            work: Work::new(&network, movers.len()),
             movers,
             touches,
-            of_rock,
             network,
         };
-        log::debug!("joints: {} entries in the factors", flow.factors.entries());
-        (0..links).for_each(|link| flow.set_channel(link));
+        log::debug!(
+            "joints: {} entries in the factors",
+            flow.system.factors.entries()
+        );
+        (0..flow.network.links.len()).for_each(|link| flow.set_channel(link));
         flow.measure_volumes();
         flow
     }
@@ -366,23 +345,23 @@ impl JointFlow {
     /// Returns the discharges of the links at the end of the last step, positive along the links \[m³/s\].
     #[must_use]
     pub fn discharges(&self) -> &[f64] {
-        &self.discharge
+        &self.links.discharge
     }
 
     /// Returns the present gaps of the joints \[m\].
     #[must_use]
     pub fn gaps(&self) -> &[LinearField] {
-        &self.gaps
+        &self.walls.gaps
     }
 
     /// Returns the parts of the water of a node, whose sum over all nodes is [`Self::stored`] \[m³\].
     pub(crate) fn stored_at(&self, node: usize) -> [f64; 4] {
         let (more, _) = self.settings.water.compression(self.pressure[node]);
         [
-            self.fills[node],
-            self.opened[node],
-            self.volumes[node] * more,
-            self.surplus[node],
+            self.storage.fills[node],
+            self.storage.opened[node],
+            self.storage.volumes[node] * more,
+            self.storage.surplus[node],
         ]
     }
 
@@ -404,7 +383,7 @@ impl JointFlow {
     /// Returns the pressure that the present discharge of a link loses by friction, positive along the link \[Pa\].
     #[must_use]
     pub fn friction(&self, link: usize) -> f64 {
-        let (channel, discharge) = (self.channel(link), self.discharge[link]);
+        let (channel, discharge) = (self.channel(link), self.links.discharge[link]);
         let law = self.turbulence(link);
         let (excess, _) = law.excess(discharge.abs(), channel.resistance);
         channel.resistance * discharge + excess.copysign(discharge)
@@ -414,7 +393,7 @@ impl JointFlow {
     #[must_use]
     pub fn water(&self) -> f64 {
         let mut sum = ExactSum::new();
-        for (volume, pressure) in self.volumes.iter().zip(&self.pressure) {
+        for (volume, pressure) in self.storage.volumes.iter().zip(&self.pressure) {
             sum.add(*volume);
             sum.add(volume * self.settings.water.compression(*pressure).0);
         }
@@ -426,12 +405,12 @@ impl JointFlow {
     #[must_use]
     pub fn stored(&self) -> f64 {
         let mut sum = ExactSum::new();
-        sum.add_all(&self.fills);
-        sum.add_all(&self.opened);
-        for (volume, pressure) in self.volumes.iter().zip(&self.pressure) {
+        sum.add_all(&self.storage.fills);
+        sum.add_all(&self.storage.opened);
+        for (volume, pressure) in self.storage.volumes.iter().zip(&self.pressure) {
             sum.add(volume * self.settings.water.compression(*pressure).0);
         }
-        sum.add_all(&self.surplus);
+        sum.add_all(&self.storage.surplus);
         sum.value()
     }
 
@@ -440,17 +419,17 @@ impl JointFlow {
     /// the next step uses them, or zeros.
     #[must_use]
     pub fn state(&self) -> Vec<f64> {
-        let [diagonal, pairs] = &self.factored;
-        let keeps = [f64::from(u8::from(self.keeps))];
+        let [diagonal, pairs] = &self.system.factored;
+        let keeps = [f64::from(u8::from(self.system.keeps))];
         let mut state = [
             &self.pressure[..],
-            &self.discharge,
-            self.mode.as_flattened(),
-            &self.surplus,
+            &self.links.discharge,
+            self.links.mode.as_flattened(),
+            &self.storage.surplus,
             &keeps,
         ]
         .concat();
-        if self.keeps {
+        if self.system.keeps {
             state.extend(diagonal.iter().chain(pairs));
         } else {
             state.resize(state.len() + diagonal.len() + pairs.len(), 0.0);
@@ -461,23 +440,27 @@ impl JointFlow {
     /// Restores a state. Returns `true` if its length is that of this network.
     #[must_use]
     pub fn restore(&mut self, state: &[f64]) -> bool {
-        let (nodes, links) = (self.pressure.len(), self.discharge.len());
-        let mode = self.mode.as_flattened_mut();
+        let (nodes, links) = (self.pressure.len(), self.links.discharge.len());
+        let mode = self.links.mode.as_flattened_mut();
         let modes = nodes + links..nodes + links + mode.len();
-        let [unknowns, pairs] = [0, 1].map(|part| self.factored[part].len());
+        let [unknowns, pairs] = [0, 1].map(|part| self.system.factored[part].len());
         let kept = modes.end + nodes;
         if state.len() != kept + 1 + unknowns + pairs {
             return false;
         }
         self.pressure.copy_from_slice(&state[..nodes]);
-        self.discharge.copy_from_slice(&state[nodes..nodes + links]);
+        self.links
+            .discharge
+            .copy_from_slice(&state[nodes..nodes + links]);
         mode.copy_from_slice(&state[modes.clone()]);
-        self.responses_of = None;
-        self.surplus.copy_from_slice(&state[modes.end..kept]);
+        self.links.responses_of = None;
+        self.storage
+            .surplus
+            .copy_from_slice(&state[modes.end..kept]);
         let (diagonal, pairs) = state[kept + 1..].split_at(unknowns);
-        self.keeps = state[kept] > 0.5;
-        self.factored = [diagonal.to_vec(), pairs.to_vec()];
-        !self.keeps || self.factors.factorise(diagonal, pairs).is_ok()
+        self.system.keeps = state[kept] > 0.5;
+        self.system.factored = [diagonal.to_vec(), pairs.to_vec()];
+        !self.system.keeps || self.system.factors.factorise(diagonal, pairs).is_ok()
     }
 
     /// Sets the pressures of all nodes \[Pa\].
@@ -502,8 +485,11 @@ impl JointFlow {
     #[must_use]
     pub fn outflows(&self) -> Vec<f64> {
         let mut outflows = vec![0.0; self.network.open.len()];
-        let outer = self.inner..;
-        for ([_, piece], discharge) in self.ends[outer.clone()].iter().zip(&self.discharge[outer]) {
+        let outer = self.links.inner..;
+        for ([_, piece], discharge) in self.links.ends[outer.clone()]
+            .iter()
+            .zip(&self.links.discharge[outer])
+        {
             outflows[*piece as usize] = *discharge;
         }
         outflows

@@ -289,16 +289,22 @@ fn dot<const D: usize>(a: [f64; 3], b: [f64; 3]) -> f64 {
     sum
 }
 
+/// Returns the places of the numbers that leave the cell of a link and that stream into it.
+///
+/// # Safety
+/// The numbers must be the array that the link's positions refer to.
+#[inline(always)]
+unsafe fn places<S: Stored>(all: &Along<S>, link: &BodyLink) -> (*mut S, *mut S) {
+    let (out, incoming) = (link.link.out(all.parity), link.link.incoming(all.parity));
+    // SAFETY: promised by the caller.
+    unsafe { (all.numbers.add(out), all.numbers.add(incoming)) }
+}
+
 /// # Safety
 /// The numbers must be the array that the link's positions refer to, and no other thread may touch those two numbers.
 #[inline(always)]
 unsafe fn half_way<S: Stored, const D: usize>(all: &Along<S>, link: &BodyLink, load: &mut Load) {
-    let &Along {
-        numbers,
-        parity,
-        table,
-        motion,
-    } = all;
+    let &Along { table, motion, .. } = all;
     let along = table.direction(link);
     let r: [f64; 3] = std::array::from_fn(|a| 0.5 * f64::from(link.middle[a]) - motion.position[a]);
     let u = surface_velocity::<D>(motion, r);
@@ -308,12 +314,7 @@ unsafe fn half_way<S: Stored, const D: usize>(all: &Along<S>, link: &BodyLink, l
         0.0
     };
     // SAFETY: promised by the caller.
-    let (outer, inner) = unsafe {
-        (
-            numbers.add(link.link.out(parity)),
-            numbers.add(link.link.incoming(parity)),
-        )
-    };
+    let (outer, inner) = unsafe { places(all, link) };
     // SAFETY: as above.
     let (leaves, streams) = unsafe { (outer.read().to_f64(), inner.read().to_f64()) };
     // SAFETY: as above.
@@ -344,9 +345,9 @@ unsafe fn interpolated<S: Stored, const D: usize>(
     }
     let &Along {
         numbers,
-        parity,
         table,
         motion,
+        ..
     } = all;
     let along = table.direction(link);
     let c = along.c;
@@ -361,17 +362,12 @@ unsafe fn interpolated<S: Stored, const D: usize>(
     let near = link.link.near as usize;
     let home = near.wrapping_add_signed(along.swap);
     let behind = near.wrapping_add_signed(along.behind);
-    let (entering, returning) = match parity {
+    let (entering, returning) = match all.parity {
         Parity::Home => (home, behind),
         Parity::Reversed => (behind, home),
     };
     // SAFETY: promised by the caller.
-    let (outer, inner) = unsafe {
-        (
-            numbers.add(link.link.out(parity)),
-            numbers.add(link.link.incoming(parity)),
-        )
-    };
+    let (outer, inner) = unsafe { places(all, link) };
     // SAFETY: as above.
     let (leaves, streams, entering, returning) = unsafe {
         (

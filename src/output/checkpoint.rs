@@ -224,6 +224,21 @@ pub struct RunState<'a, Sp: Space, S: Stored> {
     pub earlier: Option<&'a [f64]>,
 }
 
+impl<'a, Sp: Space, S: Stored> RunState<'a, Sp, S> {
+    /// Returns the state of grains without water.
+    #[must_use]
+    pub fn of_grains(particles: &'a Particles<Sp>, dem: &'a Dem<Sp>) -> Self {
+        Self {
+            fluid: None,
+            averages: None,
+            seepage: Vec::new(),
+            particles,
+            dem: Some(dem),
+            earlier: None,
+        }
+    }
+}
+
 /// Numbers per cell below a free surface.
 const SURFACE_NUMBERS: usize = 3;
 const SURFACE: &str = "free_surface";

@@ -31,6 +31,7 @@ mod grains;
 pub mod group;
 pub mod info;
 mod order;
+mod polygons;
 mod probes;
 mod schedule;
 mod seepage;

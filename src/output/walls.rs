@@ -2,10 +2,11 @@
 //! table in time the mean velocity of the run.
 
 use super::group::RankGroup;
+use super::polygons::Polygons;
 use base::error::Error;
 use base::history::TimeTable;
 use base::number::{to_i32, to_i64};
-use io::{Cells, Column, Data, MeshData, Mode, OutputTime, Series};
+use io::{Column, Data};
 use nalgebra::Vector3;
 use plan::scene::Scene;
 use plan::scene::walls::SceneWall;
@@ -25,8 +26,7 @@ pub(super) fn write(
     provenance: &[(String, String)],
     group: &RankGroup,
 ) -> Result<(), Error> {
-    let mut series = group.checked(Series::create(folder, "walls", group))?;
-    let (mut points, mut sizes, mut corners) = (Vec::new(), Vec::new(), Vec::new());
+    let mut polygons = Polygons::default();
     let (mut id, mut wall, mut velocity) = (Vec::new(), Vec::new(), Vec::new());
     let mine = if group.0.rank() == 0 { usize::MAX } else { 0 };
     for (n, one) in surfaces(scene).take(mine) {
@@ -36,15 +36,15 @@ pub(super) fn write(
         let factor = TimeTable::new(one.history.as_deref(), 1.0).mean(0.0, scene.time.end);
         let moves = surface.moving(&Vector3::from(one.velocity.map(|v| v * factor)));
         for facet in 0..surface.len() {
-            let first = points.len() / 3;
-            points.extend(
+            let first = polygons.points.len() / 3;
+            polygons.points.extend(
                 surface
                     .corners(facet)
                     .flat_map(|corner| [corner.x, corner.y, corner.z]),
             );
-            let end = points.len() / 3;
-            sizes.push(end - first);
-            corners.extend(first..end);
+            let end = polygons.points.len() / 3;
+            polygons.sizes.push(end - first);
+            polygons.corners.extend(first..end);
             id.push(to_i64(n as u64));
             wall.push(to_i32(n));
             velocity.extend([moves.x, moves.y, moves.z]);
@@ -56,20 +56,10 @@ pub(super) fn write(
         components,
         data,
     };
-    let mesh = MeshData {
-        points: Data::F64(&points),
-        cells: Cells::Polygons {
-            sizes: &sizes,
-            corners: &corners,
-        },
-        point_columns: Vec::new(),
-        cell_columns: vec![
-            column("id", "-", 1, Data::I64(&id)),
-            column("wall", "-", 1, Data::I32(&wall)),
-            column("velocity", "m/s", 3, Data::F64(&velocity)),
-        ],
-    };
-    let when = OutputTime { step: 0, time: 0.0 };
-    group.checked(series.write_mesh(when, &mesh, provenance, group, Mode::Collective))?;
-    Ok(())
+    let columns = vec![
+        column("id", "-", 1, Data::I64(&id)),
+        column("wall", "-", 1, Data::I32(&wall)),
+        column("velocity", "m/s", 3, Data::F64(&velocity)),
+    ];
+    polygons.write((folder, "walls"), columns, provenance, group)
 }

@@ -513,31 +513,12 @@ impl Guards {
         }
     }
 
-    /// Checks the state after a step, if a check is due. Collective.
-    ///
-    /// # Errors
-    /// If a check fails; the text names the cell or the grain.
-    pub fn check<Sp: Space, S: Stored>(
-        &mut self,
-        step: u64,
-        flow: Option<&dyn LatticeFlow<Sp, S>>,
-        (particles, deepest): (&Particles<Sp>, Option<Deepest>),
-        plan: &Plan,
-        domain: &Domain,
-    ) -> Result<(), Error> {
-        if step == plan.clock.steps || step.is_multiple_of(self.every) {
-            self.finish(step, flow, (particles, deepest), plan, domain)
-        } else {
-            Ok(())
-        }
-    }
-
     /// Checks the state after `step`, unless it was checked: the final state of a run is always checked. Collective.
     ///
     /// # Errors
     ///
-    /// If [`Self::check`] fails.
-    pub fn finish<Sp: Space, S: Stored>(
+    /// If a check fails; the text names the cell or the grain.
+    pub fn check<Sp: Space, S: Stored>(
         &mut self,
         step: u64,
         flow: Option<&dyn LatticeFlow<Sp, S>>,

@@ -333,9 +333,9 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
     /// Checks the state where a check is due. Collective.
     fn check(&mut self) -> Result<(), Error> {
         let now = &self.now;
-        let solids = (&now.particles, now.dem.as_ref().map(Dem::deepest));
-        self.guards
-            .check(now.step, now.lattice(), solids, &now.plan, &now.domain)?;
+        if now.step == now.plan.clock.steps || self.guards.checks_at(now.step) {
+            self.run_guards()?;
+        }
         if self.guards.take_unfetched() {
             self.check_state()?;
         }
@@ -357,12 +357,20 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
     /// If a check fails.
     fn check_state(&mut self) -> Result<(), Error> {
         self.fetch()?;
+        self.run_guards()?;
+        self.phases.done(Phase::Guards);
+        Ok(())
+    }
+
+    /// Runs the guards of the present step once. Collective.
+    ///
+    /// # Errors
+    /// If a check fails.
+    fn run_guards(&mut self) -> Result<(), Error> {
         let now = &self.now;
         let solids = (&now.particles, now.dem.as_ref().map(Dem::deepest));
         self.guards
-            .finish(now.step, now.lattice(), solids, &now.plan, &now.domain)?;
-        self.phases.done(Phase::Guards);
-        Ok(())
+            .check(now.step, now.lattice(), solids, &now.plan, &now.domain)
     }
 
     /// Writes the remaining rows of a failed run, as far as this needs no other rank.

@@ -51,14 +51,7 @@ impl<S: Space> Supervisor<S> for SampleSupervisor<'_> {
             .map_err(|e| Error::Io(format!("{}: {e}", folder.display())))?;
         let mut attributes = self.attributes.clone();
         attributes["preparation"] = json!({ "sample": progress });
-        let state = RunState::<S, f64> {
-            fluid: None,
-            averages: None,
-            seepage: Vec::new(),
-            particles,
-            dem: Some(dem),
-            earlier: None,
-        };
+        let state = RunState::<S, f64>::of_grains(particles, dem);
         let written = state.write(
             &folder,
             dem.steps(),

@@ -1,10 +1,25 @@
 //! The tables of the erosion law as CSV.
 
 use super::plots::{line_stresses, thinned_records};
-use analysis::erosion_law::{FittedErosionLaw, Interval};
+use analysis::erosion_law::{FittedErosionLaw, Interval, LinearLaw};
 use analysis::study::{CohesionReport, measured, points};
 use std::fmt;
 use std::fmt::Write as _;
+
+/// Returns the columns of a fitted law: critical stress and coefficient, each with its interval, and R².
+fn fitted(fit: &LinearLaw) -> String {
+    let (stress, coefficient) = (fit.critical_shear_interval, fit.coefficient_interval);
+    format!(
+        "{:e},{:e},{:e},{:e},{:e},{:e},{}",
+        fit.critical_shear,
+        stress.low,
+        stress.high,
+        fit.coefficient,
+        coefficient.low,
+        coefficient.high,
+        fit.r_squared,
+    )
+}
 
 /// Returns the fitted law of each cohesion.
 pub(super) fn law(cohesions: &[CohesionReport]) -> String {
@@ -25,14 +40,8 @@ pub(super) fn law(cohesions: &[CohesionReport]) -> String {
         let _ = match &cohesion.law {
             Some(FittedErosionLaw::Fitted(fit)) => writeln!(
                 text,
-                "{c},fitted,{:e},{:e},{:e},{:e},{:e},{:e},{},{},{counts},{:e},{:e}",
-                fit.critical_shear,
-                fit.critical_shear_interval.low,
-                fit.critical_shear_interval.high,
-                fit.coefficient,
-                fit.coefficient_interval.low,
-                fit.coefficient_interval.high,
-                fit.r_squared,
+                "{c},fitted,{},{},{counts},{:e},{:e}",
+                fitted(fit),
                 fit.scatter,
                 fit.coefficient_median,
                 fit.critical_shear_median,
@@ -66,17 +75,9 @@ pub(super) fn readings(cohesions: &[CohesionReport]) -> String {
             );
             // Writing to a string cannot fail.
             let _ = match &reading.law {
-                Some(FittedErosionLaw::Fitted(fit)) => writeln!(
-                    text,
-                    "{head},fitted,{:e},{:e},{:e},{:e},{:e},{:e},{}",
-                    fit.critical_shear,
-                    fit.critical_shear_interval.low,
-                    fit.critical_shear_interval.high,
-                    fit.coefficient,
-                    fit.coefficient_interval.low,
-                    fit.coefficient_interval.high,
-                    fit.r_squared,
-                ),
+                Some(FittedErosionLaw::Fitted(fit)) => {
+                    writeln!(text, "{head},fitted,{}", fitted(fit))
+                }
                 Some(FittedErosionLaw::LowerBound { at_least }) => {
                     writeln!(text, "{head},lower_bound,,{at_least:e},,,,,")
                 }

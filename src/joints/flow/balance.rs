@@ -19,7 +19,7 @@ impl JointFlow {
         if self.movers.is_empty() {
             return;
         }
-        let nodes = self.volumes.len();
+        let nodes = self.storage.volumes.len();
         let velocities = unknowns[nodes..].chunks_exact(FREEDOMS);
         let starts = self.work.starts.iter().zip(velocities);
         for (mover, ([start, _], velocity)) in self.movers.iter_mut().zip(starts) {
@@ -37,33 +37,33 @@ impl JointFlow {
         }
         self.set_discharges(unknowns);
         let mut work = std::mem::take(&mut self.work.imbalance);
-        let nodes = self.volumes.len();
+        let nodes = self.storage.volumes.len();
         for (number, base) in work.iter_mut().zip(&self.work.base) {
             *number = -base;
         }
         if stores {
-            for cell in 0..self.sizes.len() {
+            for cell in 0..self.storage.sizes.len() {
                 let more = self.settings.water.compression(unknowns[cell]).0;
                 // With stationary walls this form adds no rounding of the volume itself.
-                let moved = self.fills[cell] - self.work.before[cell];
-                let opened = self.opened[cell] - self.work.opened[cell];
-                work[cell] += self.volumes[cell] * more + moved + opened;
+                let moved = self.storage.fills[cell] - self.work.before[cell];
+                let opened = self.storage.opened[cell] - self.work.opened[cell];
+                work[cell] += self.storage.volumes[cell] * more + moved + opened;
             }
         }
-        let (inner, outer) = self.ends.split_at(self.inner);
-        let discharges = &self.discharge;
+        let (inner, outer) = self.links.ends.split_at(self.links.inner);
+        let discharges = &self.links.discharge;
         for ([from, to], discharge) in inner.iter().zip(discharges) {
             let passed = interval * discharge;
             work[*from as usize] += passed;
             work[*to as usize] -= passed;
         }
-        for ([from, _], discharge) in outer.iter().zip(&discharges[self.inner..]) {
+        for ([from, _], discharge) in outer.iter().zip(&discharges[self.links.inner..]) {
             work[*from as usize] += interval * discharge;
         }
         if stores {
             self.balance_blocks(unknowns, interval, &mut work);
         } else {
-            for &node in &self.held {
+            for &node in &self.system.held {
                 work[node] = 0.0;
             }
             // Blocks are fixed in a steady flow.
@@ -76,7 +76,7 @@ impl JointFlow {
 
     /// Computes the imbalances of the momentum of the moving blocks.
     fn balance_blocks(&self, unknowns: &[f64], interval: f64, imbalance: &mut [f64]) {
-        let nodes = self.volumes.len();
+        let nodes = self.storage.volumes.len();
         let blocks = self.movers.iter().zip(&self.work.starts);
         for (number, (mover, [_, start])) in blocks.enumerate() {
             let change = mover.momentum(&(mover.velocity - start)) - mover.load * interval;
@@ -96,27 +96,31 @@ impl JointFlow {
 
     /// Computes the matrix of the balances at these pressures and velocities, to be factorised.
     pub(super) fn set_matrix(&mut self, unknowns: &[f64], interval: f64, stores: bool) {
-        let [mut diagonal, mut pairs] = std::mem::take(&mut self.factored);
-        let nodes = self.volumes.len();
+        let [mut diagonal, mut pairs] = std::mem::take(&mut self.system.factored);
+        let nodes = self.storage.volumes.len();
         diagonal.fill(0.0);
         if stores {
-            for cell in 0..self.sizes.len() {
+            for cell in 0..self.storage.sizes.len() {
                 let slope = self.settings.water.compression(unknowns[cell]).1;
-                diagonal[cell] = self.volumes[cell] * slope;
+                diagonal[cell] = self.storage.volumes[cell] * slope;
             }
         }
-        for (link, [from, to]) in self.ends.iter().enumerate() {
+        for (link, [from, to]) in self.links.ends.iter().enumerate() {
             let conducted = interval * self.discharge_of(link, unknowns).1;
             diagonal[*from as usize] += conducted;
-            if link < self.inner {
+            if link < self.links.inner {
                 diagonal[*to as usize] += conducted;
                 pairs[link] = -conducted;
             }
         }
         if stores {
-            self.set_matrix_of_blocks(interval, &mut diagonal[nodes..], &mut pairs[self.inner..]);
+            self.set_matrix_of_blocks(
+                interval,
+                &mut diagonal[nodes..],
+                &mut pairs[self.links.inner..],
+            );
         } else {
-            for &node in &self.held {
+            for &node in &self.system.held {
                 // A cell without open links is isolated.
                 diagonal[node] = if diagonal[node] > 0.0 {
                     2.0 * diagonal[node]
@@ -124,10 +128,10 @@ impl JointFlow {
                     1.0
                 };
             }
-            pairs[self.inner..].fill(0.0);
+            pairs[self.links.inner..].fill(0.0);
             diagonal[nodes..].fill(-1.0);
         }
-        self.factored = [diagonal, pairs];
+        self.system.factored = [diagonal, pairs];
     }
 
     /// Computes the rows of the moving blocks in the matrix.
@@ -154,8 +158,10 @@ impl JointFlow {
 
     /// Returns the largest pressure that the imbalance of a node amounts to at its place alone \[Pa\].
     pub(super) fn largest_imbalance(&self) -> f64 {
-        let nodes = self.volumes.len();
-        let all = self.work.imbalance[..nodes].iter().zip(&self.factored[0]);
+        let nodes = self.storage.volumes.len();
+        let all = self.work.imbalance[..nodes]
+            .iter()
+            .zip(&self.system.factored[0]);
         all.fold(0.0, |most, (number, diagonal)| {
             let pressure = (number / diagonal).abs();
             // Not a number stays so.
@@ -165,7 +171,7 @@ impl JointFlow {
 
     /// Returns the largest velocity or rate that the imbalance of a block amounts to.
     pub(super) fn largest_kick(&self) -> f64 {
-        let blocks = self.work.imbalance[self.volumes.len()..].chunks_exact(FREEDOMS);
+        let blocks = self.work.imbalance[self.storage.volumes.len()..].chunks_exact(FREEDOMS);
         let kicks = self.movers.iter().zip(blocks);
         kicks.fold(0.0, |most, (mover, imbalances)| {
             let rows = imbalances.iter().enumerate();

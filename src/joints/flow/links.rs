@@ -1,13 +1,13 @@
 //! Links of a network in a stage: their response to the pressures, their discharges and modes.
 
-use super::{Channel, FlowSettings, JointFlow, LinkResponse, LinkShape};
+use super::{Channel, FlowSettings, JointFlow, LinkResponse, LinkShape, Links};
 use crate::friction::{Turbulence, cube, inertial, rough};
 use crate::network::{End, Link, Network};
 use crate::slot::{MODES, Modes};
 use base::thread_pool::{each_of, evenly, threads};
 
 /// Returns the ends of a link: two nodes, or a node and an open piece.
-pub(super) fn ends(link: &Link) -> [u32; 2] {
+fn ends(link: &Link) -> [u32; 2] {
     let to = match link.to {
         End::Node(number) | End::Open(number) => number,
     };
@@ -15,7 +15,7 @@ pub(super) fn ends(link: &Link) -> [u32; 2] {
 }
 
 /// Returns the weight of the water between the ends of each link, positive along the link \[Pa\].
-pub(super) fn lifts(network: &Network, settings: &FlowSettings) -> Vec<f64> {
+fn lifts(network: &Network, settings: &FlowSettings) -> Vec<f64> {
     let density = settings.water.mixture_density();
     let lift = |link: &Link| {
         let end = match link.to {
@@ -28,7 +28,7 @@ pub(super) fn lifts(network: &Network, settings: &FlowSettings) -> Vec<f64> {
 }
 
 /// Returns the links of a network with the properties of the water.
-pub(super) fn shapes(network: &Network, settings: &FlowSettings) -> Vec<LinkShape> {
+fn shapes(network: &Network, settings: &FlowSettings) -> Vec<LinkShape> {
     let (viscosity, density) = (settings.water.viscosity, settings.water.mixture_density());
     let shape = |link: &Link| LinkShape {
         joint: link.joint,
@@ -64,11 +64,37 @@ fn respond(modes: &Modes, mode: &[f64; MODES], rate: f64) -> [f64; 2] {
     sums.map(|sums| (sums[0] + sums[1]) + (sums[2] + sums[3]))
 }
 
+impl Links {
+    /// Returns the links of a network without flow, whose channels are computed later.
+    pub(super) fn new(network: &Network, settings: &FlowSettings) -> Self {
+        let links = network.links.len();
+        let modes = if settings.inertia { links } else { 0 };
+        let rough = if settings.roughness.is_some() {
+            links
+        } else {
+            0
+        };
+        Self {
+            ends: network.links.iter().map(ends).collect(),
+            inner: links - network.open.len(),
+            lifts: lifts(network, settings),
+            shapes: shapes(network, settings),
+            relaxation: 4.0 * settings.water.viscosity / settings.water.mixture_density(),
+            channels: vec![Channel::default(); links],
+            turbulences: vec![Turbulence::default(); rough],
+            mode: vec![[0.0; MODES]; modes],
+            responses: vec![LinkResponse::default(); links],
+            responses_of: None,
+            discharge: vec![0.0; links],
+        }
+    }
+}
+
 impl JointFlow {
     /// Returns the coefficients of a link at the present gaps.
     pub(super) fn channel(&self, link: usize) -> Channel {
-        let shape = &self.shapes[link];
-        let gap = &self.gaps[shape.joint];
+        let shape = &self.links.shapes[link];
+        let gap = &self.walls.gaps[shape.joint];
         let residual = self.network.settings.residual_aperture;
         let [from, to] = &shape.path;
         let apertures = [gap.value(from).max(residual), gap.value(to).max(residual)];
@@ -76,7 +102,7 @@ impl JointFlow {
         Channel {
             resistance: shape.resistance / cube,
             gain: shape.gain * inertial,
-            rate: self.relaxation * inertial / cube,
+            rate: self.links.relaxation * inertial / cube,
         }
     }
 
@@ -88,7 +114,7 @@ impl JointFlow {
         };
         let width = self.network.links[link].width;
         let water = &self.settings.water;
-        let shape = &self.shapes[link];
+        let shape = &self.links.shapes[link];
         let cube = shape.resistance / self.channel(link).resistance;
         Turbulence {
             reynolds: 2.0 * water.mixture_density() / (water.viscosity * width),
@@ -99,38 +125,39 @@ impl JointFlow {
 
     /// Updates the coefficients of a link at the present gaps.
     pub(super) fn set_channel(&mut self, link: usize) {
-        self.channels[link] = self.channel(link);
+        self.links.channels[link] = self.channel(link);
         if self.settings.roughness.is_some() {
-            self.turbulences[link] = self.turbulence(link);
+            self.links.turbulences[link] = self.turbulence(link);
         }
     }
 
     /// Returns the increase of the pressure at the end of a link per discharge [Pa s/m³].
     fn outside(&self, link: usize) -> f64 {
-        if link < self.inner {
+        if link < self.links.inner {
             return 0.0;
         }
-        self.work.outside[self.ends[link][1] as usize]
+        self.work.outside[self.links.ends[link][1] as usize]
     }
 
     /// Computes the responses of all links for a stage of this duration \[s\] from the initial modes.
     pub(super) fn prepare_answers(&mut self, interval: f64) {
-        if self.responses_of != Some(interval) {
-            for link in 0..self.channels.len() {
-                self.responses[link] = self.response(link, &self.channels[link], interval);
+        if self.links.responses_of != Some(interval) {
+            for link in 0..self.links.channels.len() {
+                self.links.responses[link] =
+                    self.response(link, &self.links.channels[link], interval);
             }
-            self.responses_of = Some(interval);
+            self.links.responses_of = Some(interval);
         }
-        for link in 0..self.channels.len() {
-            self.work.answers[link] = self.answer(link, self.responses[link]);
+        for link in 0..self.links.channels.len() {
+            self.work.answers[link] = self.answer(link, self.links.responses[link]);
         }
     }
 
     /// Computes the channels of the links of moving blocks at the present gaps, and their responses.
     pub(super) fn renew_answers(&mut self, interval: f64) {
-        let mut channels = std::mem::take(&mut self.channels);
+        let mut channels = std::mem::take(&mut self.links.channels);
         let mut answers = std::mem::take(&mut self.work.answers);
-        let mut turbulences = std::mem::take(&mut self.turbulences);
+        let mut turbulences = std::mem::take(&mut self.links.turbulences);
         let (count, rough) = (channels.len(), !turbulences.is_empty());
         let pieces = pieces(count);
         let shared = (
@@ -142,7 +169,7 @@ impl JointFlow {
             let links = channels.iter_mut().zip(answers).enumerate();
             for (at, (channel, answer)) in links {
                 let link = count * piece / pieces + at;
-                if !self.link_moves[link] {
+                if !self.walls.link_moves[link] {
                     continue;
                 }
                 *channel = self.channel(link);
@@ -152,14 +179,14 @@ impl JointFlow {
                 }
             }
         });
-        self.channels = channels;
+        self.links.channels = channels;
         self.work.answers = answers;
-        self.turbulences = turbulences;
+        self.links.turbulences = turbulences;
     }
 
     /// Sets the responses of all links to those of steady flow.
     pub(super) fn answer_steadily(&mut self) {
-        let channels = self.channels.iter().zip(&self.lifts);
+        let channels = self.links.channels.iter().zip(&self.links.lifts);
         for (answer, (channel, lift)) in self.work.answers.iter_mut().zip(channels) {
             let slope = 1.0 / channel.resistance;
             *answer = LinkResponse {
@@ -178,7 +205,7 @@ impl JointFlow {
                 slope: 1.0 / channel.resistance,
             };
         }
-        let [free, sum] = respond(&self.modes, &self.mode[link], interval * channel.rate);
+        let [free, sum] = respond(&self.modes, &self.links.mode[link], interval * channel.rate);
         LinkResponse {
             free,
             slope: sum * interval * channel.gain,
@@ -197,15 +224,15 @@ impl JointFlow {
             free *= part;
             slope *= part;
         }
-        free += slope * self.lifts[link];
+        free += slope * self.links.lifts[link];
         LinkResponse { free, slope }
     }
 
     /// Returns the pressure at the start of a link minus that at its end, without the weight of the water \[Pa\];
     /// `None` if its end is closed.
     fn difference(&self, link: usize, pressure: &[f64]) -> Option<f64> {
-        let [from, to] = self.ends[link].map(|end| end as usize);
-        let end = if link < self.inner {
+        let [from, to] = self.links.ends[link].map(|end| end as usize);
+        let end = if link < self.links.inner {
             pressure[to]
         } else {
             self.work.fronts[to]?
@@ -221,37 +248,42 @@ impl JointFlow {
         };
         let answer = self.work.answers[link];
         let laminar = answer.free + answer.slope * difference;
-        let Some(law) = self.turbulences.get(link) else {
+        let Some(law) = self.links.turbulences.get(link) else {
             return (laminar, answer.slope);
         };
-        let resistance = self.channels[link].resistance;
+        let resistance = self.links.channels[link].resistance;
         let (discharge, part) = law.discharge(laminar, answer.slope, resistance);
         (discharge, part * answer.slope)
     }
 
     /// Computes the discharges of all links at these pressures.
     pub(super) fn set_discharges(&mut self, pressure: &[f64]) {
-        let mut discharges = std::mem::take(&mut self.discharge);
+        let mut discharges = std::mem::take(&mut self.links.discharge);
         if self.settings.roughness.is_some() {
             for (link, discharge) in discharges.iter_mut().enumerate() {
                 *discharge = self.discharge_of(link, pressure).0;
             }
-            self.discharge = discharges;
+            self.links.discharge = discharges;
             return;
         }
-        let (inner, outer) = discharges.split_at_mut(self.inner);
-        let answers = self.work.answers.iter().zip(&self.ends);
+        let (inner, outer) = discharges.split_at_mut(self.links.inner);
+        let answers = self.work.answers.iter().zip(&self.links.ends);
         for (discharge, (answer, [from, to])) in inner.iter_mut().zip(answers) {
             let difference = pressure[*from as usize] - pressure[*to as usize];
             *discharge = answer.free + answer.slope * difference;
         }
-        let answers = self.work.answers.iter().zip(&self.ends).skip(self.inner);
+        let answers = self
+            .work
+            .answers
+            .iter()
+            .zip(&self.links.ends)
+            .skip(self.links.inner);
         for (discharge, (answer, [from, piece])) in outer.iter_mut().zip(answers) {
             *discharge = self.work.fronts[*piece as usize].map_or(0.0, |front| {
                 answer.free + answer.slope * (pressure[*from as usize] - front)
             });
         }
-        self.discharge = discharges;
+        self.links.discharge = discharges;
     }
 
     /// Computes the modes from the pressures and discharges of the end of a stage. If another stage follows, it begins
@@ -260,8 +292,8 @@ impl JointFlow {
         if !self.settings.inertia {
             return;
         }
-        let mut modes = std::mem::take(&mut self.mode);
-        let mut responses = std::mem::take(&mut self.responses);
+        let mut modes = std::mem::take(&mut self.links.mode);
+        let mut responses = std::mem::take(&mut self.links.responses);
         let count = modes.len();
         let pieces = pieces(count);
         let shared = (evenly(&mut modes, pieces), evenly(&mut responses, pieces));
@@ -272,8 +304,8 @@ impl JointFlow {
                 response.free = self.end_modes(link, interval, carried, modes);
             }
         });
-        self.mode = modes;
-        self.responses = responses;
+        self.links.mode = modes;
+        self.links.responses = responses;
     }
 
     /// Computes the modes of a link at the end of a stage ([`Self::set_modes`]); returns the discharge that they leave
@@ -286,14 +318,14 @@ impl JointFlow {
         modes: &mut [f64; MODES],
     ) -> f64 {
         let Modes { weights, rates } = &self.modes;
-        let (channel, discharge) = (&self.channels[link], self.discharge[link]);
+        let (channel, discharge) = (&self.links.channels[link], self.links.discharge[link]);
         let mut lost = self.outside(link) * discharge;
-        if let Some(law) = self.turbulences.get(link) {
+        if let Some(law) = self.links.turbulences.get(link) {
             let (excess, _) = law.excess(discharge.abs(), channel.resistance);
             lost += excess.copysign(discharge);
         }
         let difference = self.difference(link, &self.pressure);
-        let drive = difference.map_or(0.0, |difference| difference + self.lifts[link] - lost);
+        let drive = difference.map_or(0.0, |difference| difference + self.links.lifts[link] - lost);
         let gain = interval * channel.gain * drive;
         let rate = interval * channel.rate;
         let mut sums = [0.0; SUMS];
@@ -311,8 +343,8 @@ impl JointFlow {
 
     /// Sets the modes of all links to those of the present discharges in steady flow.
     pub(super) fn set_steady_modes(&mut self) {
-        let links = self.channels.iter().zip(&self.discharge);
-        for (modes, (channel, discharge)) in self.mode.iter_mut().zip(links) {
+        let links = self.links.channels.iter().zip(&self.links.discharge);
+        for (modes, (channel, discharge)) in self.links.mode.iter_mut().zip(links) {
             // In the steady state the modes share the discharge in proportion to their conductances.
             let groups = self.modes.weights.iter().zip(&self.modes.rates);
             for (mode, (weight, rate)) in modes.iter_mut().zip(groups) {

@@ -36,7 +36,7 @@ impl JointFlow {
             + network.links.len() * size_of::<Link>();
         let link = size_of::<Channel>() + size_of::<LinkShape>() + 2 * size_of::<LinkResponse>();
         let link = link + 3 * size_of::<f64>();
-        let modes = size_of_val(&self.mode[..]) + size_of_val(&self.turbulences[..]);
+        let modes = size_of_val(&self.links.mode[..]) + size_of_val(&self.links.turbulences[..]);
         let movers = self.movers.len() * (size_of::<Mover>() + 2 * size_of::<Vector6<f64>>());
         let touches = self.touches.len() * (size_of::<LoadedCell>() + 6 * size_of::<f64>());
         geometry
@@ -45,8 +45,9 @@ impl JointFlow {
             + modes
             + movers
             + touches
-            + self.factors.bytes()
+            + self.system.factors.bytes()
             + self
+                .system
                 .factored
                 .iter()
                 .map(|part| size_of_val(&part[..]))
@@ -56,6 +57,6 @@ impl JointFlow {
     /// Returns the number of entries of the factors below their diagonal.
     #[must_use]
     pub fn factor_entries(&self) -> usize {
-        self.factors.entries()
+        self.system.factors.entries()
     }
 }

@@ -78,10 +78,10 @@ impl JointFlow {
         interval: f64,
         stores: bool,
     ) -> Result<(), FlowError> {
-        self.factorisations += 1;
+        self.system.factorisations += 1;
         self.set_matrix(unknowns, interval, stores);
-        let [diagonal, pairs] = &self.factored;
-        let factors = self.factors.factorise(diagonal, pairs);
+        let [diagonal, pairs] = &self.system.factored;
+        let factors = self.system.factors.factorise(diagonal, pairs);
         factors.map_err(|Singular(node)| FlowError::Singular(node))
     }
 
@@ -92,12 +92,12 @@ impl JointFlow {
         stores: bool,
     ) -> Result<usize, FlowError> {
         // Factors of an earlier stage have no iteration of this one yet.
-        let mut untried = self.keeps;
+        let mut untried = self.system.keeps;
         self.work.first.copy_from_slice(unknowns);
         let mut sum = self.imbalance(unknowns, interval, stores);
         let mut change = f64::INFINITY;
         for step in 1..=MAX_ITERATIONS {
-            let fresh = !self.keeps;
+            let fresh = !self.system.keeps;
             if fresh && untried {
                 unknowns.copy_from_slice(&self.work.first);
                 sum = self.imbalance(unknowns, interval, stores);
@@ -111,16 +111,16 @@ impl JointFlow {
                 if fresh {
                     return Err(FlowError::NotFinite);
                 }
-                (self.keeps, untried) = (false, true);
+                (self.system.keeps, untried) = (false, true);
                 continue;
             }
             change = made.pressure;
             sum = made.sums[1];
-            self.keeps = made.part >= 1.0 && made.left <= KEPT;
-            untried &= !self.keeps;
+            self.system.keeps = made.part >= 1.0 && made.left <= KEPT;
+            untried &= !self.system.keeps;
             if self.has_converged(unknowns, &made, (interval, stores, fresh)) {
                 // Factors that have reached rounding serve the next stage as well.
-                self.keeps = true;
+                self.system.keeps = true;
                 return Ok(step);
             }
         }
@@ -132,11 +132,11 @@ impl JointFlow {
 
     /// Makes an iteration with the present factors. `sum` is that of the squares of the nodal imbalances before.
     fn iterate(&mut self, unknowns: &mut [f64], interval: f64, stores: bool, sum: f64) -> Change {
-        let nodes = self.volumes.len();
+        let nodes = self.storage.volumes.len();
         let before = self.largest_imbalance();
         let mut direction = std::mem::take(&mut self.work.net);
         direction.copy_from_slice(&self.work.imbalance);
-        self.factors.solve(&mut direction);
+        self.system.factors.solve(&mut direction);
         let size = largest(1.0, &unknowns[..nodes]);
         let full = largest(0.0, &direction[..nodes]);
         let mut trial = std::mem::take(&mut self.work.trial);
@@ -178,7 +178,7 @@ impl JointFlow {
         made: &Change,
         (interval, stores, fresh): (f64, bool, bool),
     ) -> bool {
-        let nodes = self.volumes.len();
+        let nodes = self.storage.volumes.len();
         let first = &self.work.first;
         let (pressures, velocities) = unknowns.split_at(nodes);
         let size = largest(1.0, pressures);
@@ -199,7 +199,7 @@ impl JointFlow {
 
     /// Returns the change of a velocity that moves a block by rounding errors of the widest aperture in a time \[s\].
     fn small_change(&self, interval: f64) -> f64 {
-        let gaps = self.gaps.iter().map(|gap| gap.constant);
+        let gaps = self.walls.gaps.iter().map(|gap| gap.constant);
         STILL * gaps.fold(self.network.settings.residual_aperture, f64::max) / interval
     }
 }

@@ -55,7 +55,7 @@ impl JointFlow {
         next.take_pressures(self);
         next.take_surplus(self);
         next.take_discharges(self);
-        next.responses_of = None;
+        next.links.responses_of = None;
         let returned = next.returned_from_lattice(self);
         *self = next;
         let mut water = ExactSum::new();
@@ -115,21 +115,21 @@ impl JointFlow {
         let mut sums: HashMap<[RockFace; 2], f64> = HashMap::new();
         for (cell, &joint) in old.network.joint_of.iter().enumerate() {
             let sum = sums.entry(old.network.joints[joint].faces).or_default();
-            *sum += old.surplus[cell];
+            *sum += old.storage.surplus[cell];
         }
         for (number, joint) in self.network.joints.iter().enumerate() {
             let sum = sums.get(&joint.faces).copied().unwrap_or(0.0);
             let own = self.network.firsts[number]..self.network.firsts[number + 1];
             let (area, _) = joint.overlap.area_and_centroid();
             for cell in own {
-                self.surplus[cell] = sum * self.network.cells[cell].area / area;
+                self.storage.surplus[cell] = sum * self.network.cells[cell].area / area;
             }
         }
     }
 
     fn take_discharges(&mut self, old: &Self) {
         let mut by_joint = Known::new();
-        let axes: Vec<_> = (0..old.channels.len())
+        let axes: Vec<_> = (0..old.links.channels.len())
             .map(|link| axis(&old.network, link))
             .collect();
         for (number, link) in old.network.links.iter().enumerate() {
@@ -156,9 +156,9 @@ impl JointFlow {
             };
             let sign = axes[source].1.dot(&direction).signum();
             let part = sign * link.width / old.network.links[source].width;
-            self.discharge[number] = part * old.discharge[source];
+            self.links.discharge[number] = part * old.links.discharge[source];
             if self.settings.inertia {
-                self.mode[number] = old.mode[source].map(|mode| part * mode);
+                self.links.mode[number] = old.links.mode[source].map(|mode| part * mode);
             }
         }
     }

@@ -11,7 +11,7 @@ impl JointFlow {
             self.work.outside[number] = drive.resistance(number);
         }
         let mut moved = false;
-        for (joint, gap) in self.base_gaps.iter_mut().enumerate() {
+        for (joint, gap) in self.walls.base_gaps.iter_mut().enumerate() {
             if let Some(new) = drive.gap(joint, time) {
                 moved |= new != *gap;
                 *gap = new;
@@ -26,13 +26,13 @@ impl JointFlow {
     fn find_held(&mut self) {
         let parts = self.network.parts();
         let mut held = vec![true; self.pressure.len()];
-        for [from, piece] in &self.ends[self.inner..] {
+        for [from, piece] in &self.links.ends[self.links.inner..] {
             if self.work.fronts[*piece as usize].is_some() {
                 held[parts[*from as usize]] = false;
             }
         }
         let roots = parts.iter().enumerate();
-        self.held = roots
+        self.system.held = roots
             .filter(|&(node, &root)| node == root && held[node])
             .map(|(node, _)| node)
             .collect();
@@ -44,16 +44,16 @@ impl JointFlow {
     /// # Errors
     /// If there is no solution.
     pub fn solve_steady(&mut self, drive: &dyn Drive, time: f64) -> Result<StepReport, FlowError> {
-        self.keeps = false;
+        self.system.keeps = false;
         self.follow(drive, time);
         self.find_held();
         self.work.base.fill(0.0);
         self.answer_steadily();
         let newton = self.solve(1.0, false)?;
         // The matrices of steps in time are others.
-        self.keeps = false;
+        self.system.keeps = false;
         self.set_steady_modes();
-        self.responses_of = None;
+        self.links.responses_of = None;
         Ok(StepReport {
             newton,
             ..StepReport::default()
@@ -63,12 +63,12 @@ impl JointFlow {
     /// Sums the discharges into each node \[m³/s\].
     fn sum_discharges(&mut self) {
         self.work.net.fill(0.0);
-        let (inner, outer) = self.ends.split_at(self.inner);
-        for ([from, to], discharge) in inner.iter().zip(&self.discharge) {
+        let (inner, outer) = self.links.ends.split_at(self.links.inner);
+        for ([from, to], discharge) in inner.iter().zip(&self.links.discharge) {
             self.work.net[*from as usize] -= discharge;
             self.work.net[*to as usize] += discharge;
         }
-        for ([from, _], discharge) in outer.iter().zip(&self.discharge[self.inner..]) {
+        for ([from, _], discharge) in outer.iter().zip(&self.links.discharge[self.links.inner..]) {
             self.work.net[*from as usize] -= discharge;
         }
     }
@@ -77,8 +77,8 @@ impl JointFlow {
     /// them \[m³\].
     fn pass_water(&mut self, time: f64) -> f64 {
         let mut sum = ExactSum::new();
-        let outer = &self.ends[self.inner..];
-        for ([_, piece], discharge) in outer.iter().zip(&self.discharge[self.inner..]) {
+        let outer = &self.links.ends[self.links.inner..];
+        for ([_, piece], discharge) in outer.iter().zip(&self.links.discharge[self.links.inner..]) {
             self.passed[*piece as usize] += time * discharge;
             sum.add(-discharge);
         }
@@ -95,15 +95,15 @@ impl JointFlow {
         time: f64,
         interval: f64,
     ) -> Result<StepReport, FlowError> {
-        self.factorisations = 0;
+        self.system.factorisations = 0;
         let stage = DIAGONAL * interval;
-        self.work.base.copy_from_slice(&self.surplus);
-        for cell in 0..self.sizes.len() {
+        self.work.base.copy_from_slice(&self.storage.surplus);
+        for cell in 0..self.storage.sizes.len() {
             let (more, _) = self.settings.water.compression(self.pressure[cell]);
-            self.work.base[cell] += self.volumes[cell] * more;
+            self.work.base[cell] += self.storage.volumes[cell] * more;
         }
-        self.work.before.copy_from_slice(&self.fills);
-        self.work.opened.copy_from_slice(&self.opened);
+        self.work.before.copy_from_slice(&self.storage.fills);
+        self.work.opened.copy_from_slice(&self.storage.opened);
         for (start, mover) in self.work.starts.iter_mut().zip(&self.movers) {
             *start = [mover.displacement, mover.velocity];
         }
@@ -130,12 +130,12 @@ impl JointFlow {
         self.set_modes(stage, None);
         entered += self.pass_water(stage);
         // What is missing in the balance of a node belongs to the next step.
-        for (surplus, imbalance) in self.surplus.iter_mut().zip(&self.work.imbalance) {
+        for (surplus, imbalance) in self.storage.surplus.iter_mut().zip(&self.work.imbalance) {
             *surplus = -imbalance;
         }
         Ok(StepReport {
             newton,
-            factorisations: self.factorisations,
+            factorisations: self.system.factorisations,
             entered,
         })
     }

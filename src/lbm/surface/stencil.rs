@@ -206,6 +206,18 @@ pub(super) fn density<const Q: usize>(number: impl Fn(usize) -> f64) -> f64 {
     density
 }
 
+/// Adds the momentum of incoming population `i`, the number `g`.
+#[inline(always)]
+fn add_momentum<L: Lattice<Q>, const Q: usize>(momentum: &mut [f64; 3], i: usize, g: f64) {
+    unroll!(axes a < 3 => {
+        match L::C[i][a] {
+            1 => momentum[a] += g,
+            -1 => momentum[a] -= g,
+            _ => {}
+        }
+    });
+}
+
 /// Returns the density and the momentum of incoming populations.
 #[inline(always)]
 pub(super) fn momentum<L: Lattice<Q>, const Q: usize>(
@@ -216,13 +228,7 @@ pub(super) fn momentum<L: Lattice<Q>, const Q: usize>(
     unroll!(populations i < Q => {
         let g = number(i);
         density += g;
-        unroll!(axes a < 3 => {
-            match L::C[i][a] {
-                1 => momentum[a] += g,
-                -1 => momentum[a] -= g,
-                _ => {}
-            }
-        });
+        add_momentum::<L, Q>(&mut momentum, i, g);
     });
     (density, momentum)
 }
@@ -236,13 +242,7 @@ pub(super) fn sums<L: Lattice<Q>, const Q: usize>(number: impl Fn(usize) -> f64)
     unroll!(populations i < Q => {
         let g = number(i);
         density += g;
-        unroll!(axes a < 3 => {
-            match L::C[i][a] {
-                1 => momentum[a] += g,
-                -1 => momentum[a] -= g,
-                _ => {}
-            }
-        });
+        add_momentum::<L, Q>(&mut momentum, i, g);
         unroll!(six n < 6 => {
             let [a, b] = PAIRS[n];
             match L::C[i][a] * L::C[i][b] {

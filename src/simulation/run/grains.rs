@@ -154,14 +154,7 @@ pub(super) fn settle<Sp: Space, S: SavedNumber>(
                     outside: &mut Outside,
                     request: Request| {
             attributes["preparation"] = json!({ "settling": rest.state() });
-            let state = RunState::<Sp, S> {
-                fluid: None,
-                averages: None,
-                seepage: Vec::new(),
-                particles,
-                dem: Some(dem),
-                earlier: None,
-            };
+            let state = RunState::<Sp, S>::of_grains(particles, dem);
             outside.keep(&state, &attributes, request)
         };
         let (line, report) = rest.run(engine, &mut now.particles, &now.domain, outside, keep)?;

@@ -87,6 +87,38 @@ pub struct PromisedAnswer {
     pub scale: Option<f64>,
 }
 
+impl PromisedAnswer {
+    /// Returns an answer without an error.
+    pub(super) fn new(answer: String, kind: &'static str, scale: Option<f64>) -> Self {
+        Self {
+            answer,
+            kind,
+            error: None,
+            scale,
+        }
+    }
+
+    /// Returns the sentence of a bound of the error, which covers a number of measured rows.
+    pub(super) fn sentence(&self, error: f64, rows: usize) -> String {
+        let percent = number(100.0 * error);
+        let within = match self.scale {
+            Some(scale) => format!(
+                "{} ({percent} % of {})",
+                number(error * scale),
+                number(scale)
+            ),
+            None => format!("{percent} %"),
+        };
+        let name = &self.answer;
+        format!("{name}: within {within}, the 95 % confidence bound of {rows} measured rows")
+    }
+}
+
+/// Returns the line of a length [m] and the cells across it.
+pub(super) fn line_of_length(what: &str, size: f64, cells: f64) -> String {
+    format!("{what}, {} m, {} cells", number(size), number(cells))
+}
+
 /// Returns all rows.
 fn rows() -> &'static [Row] {
     static ROWS: LazyLock<Vec<Row>> = LazyLock::new(|| {
@@ -255,25 +287,9 @@ fn details(ground: &Ground, answers: &[PromisedAnswer]) -> Vec<String> {
             );
         };
         let rows = bound(&ground.kind, answer.kind).map_or(0, |bound| bound.rows);
-        let within = match answer.scale {
-            Some(scale) => format!(
-                "{} ({} % of {})",
-                number(error * scale),
-                number(100.0 * error),
-                number(scale)
-            ),
-            None => format!("{} %", number(100.0 * error)),
-        };
-        format!("{name}: within {within}, the 95 % confidence bound of {rows} measured rows")
+        answer.sentence(error, rows)
     };
-    let of_length = |length: &GroundLength| {
-        format!(
-            "{}, {} m, {} cells",
-            length.what,
-            number(length.size),
-            number(length.cells)
-        )
-    };
+    let of_length = |length: &GroundLength| line_of_length(&length.what, length.size, length.cells);
     let lines = answers.iter().map(of_answer);
     lines.chain(ground.lengths.iter().map(of_length)).collect()
 }
@@ -282,12 +298,7 @@ fn details(ground: &Ground, answers: &[PromisedAnswer]) -> Vec<String> {
 fn asked(scene: &Scene, seepage: &Seepage, ground: &Ground) -> Vec<PromisedAnswer> {
     let mut answers = Vec::new();
     let mut add = |answer: String, kind: &'static str, scale: Option<f64>| {
-        answers.push(PromisedAnswer {
-            answer,
-            kind,
-            error: None,
-            scale,
-        });
+        answers.push(PromisedAnswer::new(answer, kind, scale));
     };
     let (up, across) = (ground.up, 1 - ground.up);
     let height = seepage.axis(up).length(0, seepage.cells[up]);

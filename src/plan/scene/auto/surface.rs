@@ -23,7 +23,7 @@
 mod kinds;
 
 use super::bound::{Bound, Point};
-use super::ground::PromisedAnswer;
+use super::ground::{PromisedAnswer, line_of_length};
 use super::{Subject, measured};
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
@@ -294,25 +294,9 @@ fn details(
             return format!("{name}: nothing is promised: {reason}");
         };
         let rows = known(&flow.kind, answer.kind).map_or(0, |found| found.bound.rows);
-        let within = match answer.scale {
-            Some(scale) => format!(
-                "{} ({} % of {})",
-                number(error * scale),
-                number(100.0 * error),
-                number(scale)
-            ),
-            None => format!("{} %", number(100.0 * error)),
-        };
-        format!("{name}: within {within}, the 95 % confidence bound of {rows} measured rows")
+        answer.sentence(error, rows)
     };
-    let of_length = |length: &SurfaceLength| {
-        format!(
-            "{}, {} m, {} cells",
-            length.what,
-            number(length.size),
-            number(length.cells)
-        )
-    };
+    let of_length = |length: &SurfaceLength| line_of_length(length.what, length.size, length.cells);
     let numbers = format!(
         "{}: cell Reynolds number {}, {} {}",
         flow.kind,
@@ -332,12 +316,7 @@ fn details(
 fn asked(scene: &Scene, flow: &SurfaceFlow) -> Vec<PromisedAnswer> {
     let mut answers = Vec::new();
     let mut add = |answer: String, kind: &'static str, scale: Option<f64>| {
-        answers.push(PromisedAnswer {
-            answer,
-            kind,
-            error: None,
-            scale,
-        });
+        answers.push(PromisedAnswer::new(answer, kind, scale));
     };
     for probe in &scene.probes {
         let name = &probe.name;
