@@ -8,6 +8,16 @@
 //! twice as much while the wave runs to the other end and back (linear long waves: u = (g/D)^½ r t until t = 2 L/(g
 //! D)^½). This counts for tables that start at the level inside and do not jump, without structures, whose level keeps
 //! its direction for several such times, so that no sloshing adds up.
+//!
+//! **From one opening to another.** Water that stands higher at another opening, by d, runs to the lower level with
+//! up to (2 g d)^½, and leaves with the discharge Q of the narrowest passage over the wet area A of the opening: U =
+//! Q/A, at most (2 g d)^½. A column of a section passes at most a (2 g d)^½ per width through its open height a, and
+//! (2/3)^1.5 g^½ H^1.5, the critical flow, below the head H over its lowest open point: the first is the limit of a
+//! closed passage, the second that of a weir. The passage itself is no cause of failures: with an outfall in place of
+//! the level the same jets finished at cell Reynolds numbers of 10,000, as weirs do. `benches/stability/culverts.csv`
+//! has runs of culverts and open basins: the cell Reynolds number U h/ν separates them, the lattice velocity does
+//! not. With one rate and an eddy viscosity all runs up to a Froude number U/(g D)^½ of 0.14 finished, D the depth at
+//! the opening.
 
 use super::margin::{Margin, margin};
 use crate::scene::Scene;
@@ -15,6 +25,7 @@ use crate::scene::findings::{Findings, number};
 use crate::scene::flow::{Flow, PATH};
 use crate::scene::free_surface::{FreeSurface, Opening};
 use base::error::Remedy;
+use base::number::real;
 use lbm::boundary::Condition;
 use lbm::collision::Operator;
 use serde_json::json;
@@ -34,6 +45,16 @@ fn limits(operator: &Operator, eddies: bool) -> Option<[f64; 2]> {
     }
 }
 
+/// Returns the limits as [`limits`] does, for water that arrives from another opening, and the largest Froude number at
+/// an opening up to which no run failed, 0 where some did.
+fn limits_of_arriving(operator: &Operator, eddies: bool) -> Option<([f64; 2], f64)> {
+    match (operator, eddies) {
+        (Operator::Bgk(_), true) => Some(([15.0, 40.0], 0.1415)),
+        (Operator::Bgk(_) | Operator::Trt(_), _) => Some(([5.0, 12.0], 0.0)),
+        _ => None,
+    }
+}
+
 /// Adds the margin of each opening with a level, and a finding if similar runs failed.
 pub(super) fn check(
     scene: &Scene,
@@ -44,48 +65,233 @@ pub(super) fn check(
     let Some(surface) = &scene.surface else {
         return;
     };
-    let Some([holds, fails]) = limits(&flow.collision, flow.turbulence.is_some()) else {
-        return;
-    };
-    for opening in &surface.openings {
+    for (n, opening) in surface.openings.iter().enumerate() {
         let Some([low, high]) = opening.levels() else {
             continue;
         };
-        let inside = opening.inside;
-        let difference = (high - inside).abs().max((low - inside).abs());
-        let sudden = (2.0 * surface.gravity * difference).sqrt();
-        let slow = filling_speed(scene, flow, surface, opening).filter(|slow| *slow < sudden);
-        let speed = slow.unwrap_or(sudden);
-        let cell = speed * scene.grid.spacing / flow.kinematic_viscosity;
-        if speed <= 0.0 {
-            continue;
+        let arriving = Arriving::reaching(scene, flow, surface, n);
+        let judged = check_filling(
+            (scene, flow, surface),
+            opening,
+            [low, high],
+            margins,
+            findings,
+        );
+        if let Some(arriving) = arriving.filter(|_| !judged) {
+            arriving.check(scene, flow, opening, margins, findings);
         }
-        let name = format!("cell Reynolds number U h/nu: the level `{}`", opening.name);
+    }
+}
+
+/// Adds the margin of the flow between the level outside, between `low` and `high` \[m\], and the level inside; returns
+/// `true` if it has a finding.
+fn check_filling(
+    (scene, flow, surface): (&Scene, &Flow, &FreeSurface),
+    opening: &Opening,
+    [low, high]: [f64; 2],
+    margins: &mut Vec<Margin>,
+    findings: &mut Findings,
+) -> bool {
+    let Some([holds, fails]) = limits(&flow.collision, flow.turbulence.is_some()) else {
+        return false;
+    };
+    let inside = opening.inside;
+    let difference = (high - inside).abs().max((low - inside).abs());
+    let sudden = (2.0 * surface.gravity * difference).sqrt();
+    let slow = filling_speed(scene, flow, surface, opening).filter(|slow| *slow < sudden);
+    let speed = slow.unwrap_or(sudden);
+    let cell = speed * scene.grid.spacing / flow.kinematic_viscosity;
+    if speed <= 0.0 {
+        return false;
+    }
+    let name = format!("cell Reynolds number U h/nu: the level `{}`", opening.name);
+    margins.push(margin(&name, cell, holds, &opening.path));
+    if cell <= holds * BOUND_SLACK {
+        return false;
+    }
+    let cause = if slow.is_some() {
+        format!(
+            "a level that changes by up to {} m along its table gives",
+            number(difference)
+        )
+    } else {
+        format!("levels that differ by {} m give", number(difference))
+    };
+    let reason = format!(
+        "{cause} a cell Reynolds number U h/nu of {}, with U = {} m/s: runs of \
+         `benches/stability/levels.csv` with this operator finished up to {} and failed at {} and above",
+        number(cell),
+        number(speed),
+        number(holds),
+        number(fails)
+    );
+    let remedy = remedy(scene, flow, cell, cell / holds);
+    if cell >= fails {
+        findings.unstable(&opening.path, reason, remedy);
+    } else {
+        findings.warn(&opening.path, reason, remedy);
+    }
+    true
+}
+
+/// Maximum number of samples of a section along each of its axes, and of sections.
+const SAMPLES: usize = 100;
+const SECTIONS: usize = 500;
+
+/// Returns the largest discharge [m²/s in 2-D, m³/s in 3-D] that the structures let pass along an axis below a head
+/// \[m\] at the speed of the whole difference, `free` [m/s]: see the head of the file.
+fn narrowest(scene: &Scene, surface: &FreeSurface, axis: usize, [head, free]: [f64; 2]) -> f64 {
+    let (grid, up) = (&scene.grid, surface.axis);
+    let solids: Vec<_> = (scene.structures.iter())
+        .filter(|structure| structure.stops.water())
+        .collect();
+    let side = (0..grid.dimension).find(|a| *a != axis && *a != up);
+    let samples = |a: usize, most: usize| grid.cells[a].min(most);
+    let (along, high) = (samples(axis, SECTIONS), samples(up, 4 * SAMPLES));
+    let wide = side.map_or(1, |a| samples(a, SAMPLES));
+    let middle = |n: usize, count: usize, size: f64| (real(n) + 0.5) * size / real(count);
+    let (step, width) = (
+        grid.size[up] / real(high),
+        side.map_or(1.0, |a| grid.size[a] / real(wide)),
+    );
+    let critical = (2.0_f64 / 3.0).powf(1.5) * surface.gravity.sqrt();
+    let column = |x: usize, y: usize| {
+        let mut at = [0.0; 3];
+        at[axis] = middle(x, along, grid.size[axis]);
+        if let Some(a) = side {
+            at[a] = middle(y, wide, grid.size[a]);
+        }
+        let (mut open, mut lowest) = (0.0, f64::INFINITY);
+        for z in 0..high {
+            let height = middle(z, high, grid.size[up]);
+            at[up] = surface.above(height);
+            let below = height < head;
+            if below && !solids.iter().any(|one| one.solid.distance(at) < 0.0) {
+                open += step;
+                lowest = lowest.min(height - 0.5 * step);
+            }
+        }
+        let fall = (head - lowest).max(0.0);
+        width * (open * free).min(critical * fall.powf(1.5))
+    };
+    let section = |x: usize| (0..wide).map(|y| column(x, y)).sum::<f64>();
+    (0..along).map(section).fold(f64::INFINITY, f64::min)
+}
+
+/// Water that runs from another opening to one with a lower level.
+struct Arriving {
+    /// Head over the lower level \[m\].
+    difference: f64,
+    /// Mean speed at the lower opening [m/s].
+    speed: f64,
+    /// Ratio of this speed to that of the whole head.
+    share: f64,
+    /// Froude number at the opening.
+    froude: f64,
+}
+
+impl Arriving {
+    /// Returns the water that arrives at opening `n`; none if its level is the highest.
+    fn reaching(scene: &Scene, flow: &Flow, surface: &FreeSurface, n: usize) -> Option<Self> {
+        let opening = &surface.openings[n];
+        let [low, _] = opening.levels()?;
+        let others = surface.openings.iter().enumerate();
+        let heads = others.filter(|(other, _)| *other != n);
+        let head = heads
+            .filter_map(|(_, other)| other.head)
+            .fold(0.0, f64::max);
+        let (difference, depth) = (head - low, low - opening.floor);
+        if difference <= 0.0 || depth <= 0.0 {
+            return None;
+        }
+        let (grid, up) = (&scene.grid, surface.axis);
+        let free = (2.0 * surface.gravity * difference).sqrt();
+        let patch = flow.patches().find(|patch| patch.name == opening.name)?;
+        let axis = patch.face.axis();
+        let width: f64 = (0..grid.dimension)
+            .filter(|a| *a != axis && *a != up)
+            .map(|a| (patch.ends[a][1] - patch.ends[a][0]) * grid.spacing)
+            .product();
+        let passed = narrowest(scene, surface, axis, [head, free]);
+        let speed = free.min(passed / (width * depth));
+        let froude = speed / (surface.gravity * depth).sqrt();
+        Some(Self {
+            difference,
+            speed,
+            share: speed / free,
+            froude,
+        })
+    }
+
+    /// Adds the margin, and a finding if similar runs failed.
+    fn check(
+        &self,
+        scene: &Scene,
+        flow: &Flow,
+        opening: &Opening,
+        margins: &mut Vec<Margin>,
+        findings: &mut Findings,
+    ) {
+        let found = limits_of_arriving(&flow.collision, flow.turbulence.is_some());
+        let Some(([holds, fails], _)) = found.filter(|(_, calm)| self.froude > *calm) else {
+            return;
+        };
+        let cell = self.speed * scene.grid.spacing / flow.kinematic_viscosity;
+        let name = format!(
+            "cell Reynolds number U h/nu: the flow to the level `{}`",
+            opening.name
+        );
         margins.push(margin(&name, cell, holds, &opening.path));
         if cell <= holds * BOUND_SLACK {
-            continue;
+            return;
         }
-        let cause = if slow.is_some() {
+        let through = if self.share < 1.0 {
             format!(
-                "a level that changes by up to {} m along its table gives",
-                number(difference)
+                ", through a passage that limits its mean speed here to {} % of (2 g d)^1/2,",
+                number(100.0 * self.share)
             )
         } else {
-            format!("levels that differ by {} m give", number(difference))
+            String::new()
         };
         let reason = format!(
-            "{cause} a cell Reynolds number U h/nu of {}, with U = {} m/s: runs of \
-             `benches/stability/levels.csv` with this operator finished up to {} and failed at {} and above",
+            "water from an opening with a head {} m higher{through} reaches this one with a cell Reynolds number U \
+             h/nu of {}, with U = {} m/s: runs of `benches/stability/culverts.csv` with this operator finished up to \
+             {} and failed at {} and above",
+            number(self.difference),
             number(cell),
-            number(speed),
+            number(self.speed),
             number(holds),
             number(fails)
         );
-        let remedy = remedy(scene, flow, cell, cell / holds);
+        let remedy = self.remedy(scene, flow, cell);
         if cell >= fails {
             findings.unstable(&opening.path, reason, remedy);
         } else {
             findings.warn(&opening.path, reason, remedy);
+        }
+    }
+
+    /// Returns settings with which runs finished.
+    fn remedy(&self, scene: &Scene, flow: &Flow, cell: f64) -> Remedy {
+        let bgk = Operator::Bgk(lbm::collision::bgk::BgkParameters {});
+        let here = limits_of_arriving(&flow.collision, flow.turbulence.is_some());
+        let factor = here.map_or(1.0, |([holds, _], _)| cell / holds);
+        let finer = format!(
+            "let the water leave by an outfall (`{{\"outfall\": {{}}}}`), or use a viscosity of at least {} m2/s or a \
+             spacing of at most {} m",
+            number(flow.kinematic_viscosity * factor),
+            number(scene.grid.spacing / factor),
+        );
+        if limits_of_arriving(&bgk, true)
+            .is_some_and(|([holds, _], calm)| cell <= holds || self.froude <= calm)
+        {
+            Remedy::from(format!(
+                "use the eddy viscosity `smagorinsky` with the operator `bgk`, or {finer}"
+            ))
+            .set(format!("{PATH}.turbulence"), json!({"smagorinsky": {}}))
+            .set(format!("{PATH}.collision"), json!({"bgk": {}}))
+        } else {
+            Remedy::from(finer)
         }
     }
 }
@@ -185,7 +391,9 @@ fn remedy(scene: &Scene, flow: &Flow, cell: f64, factor: f64) -> Remedy {
 
 #[cfg(test)]
 mod tests {
+    use super::*;
     use crate::Plan;
+    use base::error::Severity;
     use case::Document;
     use std::path::Path;
 
@@ -246,6 +454,108 @@ mod tests {
             max_relative = 1e-6
         );
         assert!(judged);
+    }
+
+    /// Returns severity and reason of the finding on the flow from a level of 0.3 m to one of 0.2 m, or to another
+    /// condition, below a wall with a slot or over a sill.
+    fn between(
+        viscosity: f64,
+        outlet: &serde_json::Value,
+        walls: &serde_json::Value,
+    ) -> Vec<(Severity, String)> {
+        let case = serde_json::json!({
+            "domain": {"size": [1.0, 0.4], "spacing": 0.01},
+            "gravity": [0, -9.81],
+            "fluid": {"lattice_boltzmann": {
+                "density": 1000, "kinematic_viscosity": viscosity, "time_step": 2e-4,
+                "collision": {"bgk": {}}, "turbulence": {"smagorinsky": {}},
+                "surface": {"water": [{"shape": {"box": {"from": [0, 0], "to": [0.5, 0.3]}}},
+                    {"shape": {"box": {"from": [0.5, 0], "to": [1, 0.2]}}}]},
+                "boundaries": [
+                    {"name": "in", "face": "x_min", "condition": {"level": {"value": 0.3}}},
+                    {"name": "out", "face": "x_max", "condition": outlet}
+                ]
+            }},
+            "structures": walls,
+            "time": {"end": 1}
+        });
+        let document = Document::read(&case.to_string(), &[], Path::new(".")).unwrap();
+        let warnings = Plan::prepare(document).unwrap().warnings;
+        let found = warnings
+            .into_iter()
+            .filter(|p| p.reason.contains("head 0."));
+        found
+            .map(|p| (p.severity, format!("{}: {p}", p.path)))
+            .collect()
+    }
+
+    /// Checks that the limits are those of the table: the smallest cell Reynolds number of a failed run, the largest of
+    /// a finished one below it, and the Froude number up to which no run failed.
+    #[test]
+    fn limits_of_arriving_water_are_those_of_the_table() {
+        let table = include_str!("../../benches/stability/culverts.csv");
+        let rows: Vec<Vec<&str>> = table
+            .lines()
+            .filter(|line| !line.starts_with('#'))
+            .skip(1)
+            .map(|line| line.split(',').collect())
+            .collect();
+        let trt: Operator = serde_json::from_value(json!({"trt": {}})).unwrap();
+        let bgk: Operator = serde_json::from_value(json!({"bgk": {}})).unwrap();
+        for (name, operator) in [("trt", &trt), ("bgk", &bgk)] {
+            for (eddies, word) in [(false, "none"), (true, "smagorinsky")] {
+                let ([holds, fails], calm) = limits_of_arriving(operator, eddies).unwrap();
+                let mine = rows.iter().filter(|row| row[0] == name && row[1] == word);
+                let number = |row: &[&str], n: usize| row[n].parse::<f64>().unwrap();
+                let (finished, failed): (Vec<_>, Vec<_>) =
+                    mine.partition(|row| row[9] == "finished");
+                assert!(finished.len() >= 12 && failed.len() >= 12);
+                let least = failed
+                    .iter()
+                    .map(|row| number(row, 7))
+                    .fold(f64::INFINITY, f64::min);
+                approx::assert_relative_eq!(least, fails);
+                // Calm flows are not judged by the cell Reynolds number.
+                let judged = finished.iter().filter(|row| number(row, 8) > calm);
+                let below = judged
+                    .map(|row| number(row, 7))
+                    .filter(|cell| *cell < least);
+                approx::assert_relative_eq!(below.fold(0.0, f64::max), holds);
+                assert!(failed.iter().all(|row| number(row, 8) > calm));
+            }
+        }
+    }
+
+    /// Checks rows of `benches/stability/culverts.csv`, whose runs have a slot of 0.08 m and a level of 0.2 m: cell
+    /// Reynolds numbers of 30 and 100 in the slot are 12 and 40 at the opening. Neither an outfall nor a small
+    /// difference of the levels has a finding.
+    #[test]
+    fn a_culvert_between_levels_is_judged_by_the_flow_at_the_lower_one() {
+        let level = |value: f64| serde_json::json!({"level": {"value": value}});
+        let slot = serde_json::json!([
+            {"name": "wall", "shape": {"box": {"from": [0.4, 0.13], "to": [0.6, 2]}}},
+            {"name": "sill", "shape": {"box": {"from": [0.4, -1], "to": [0.6, 0.05]}}}
+        ]);
+        let viscosity = |cell: f64| (2.0 * 9.81 * 0.1_f64).sqrt() * 0.01 / cell;
+        assert_eq!(between(viscosity(30.0), &level(0.2), &slot), []);
+        let warned = between(viscosity(60.0), &level(0.2), &slot);
+        assert_eq!(warned[0].0, Severity::Warning, "{warned:?}");
+        let failed = between(viscosity(102.0), &level(0.2), &slot);
+        assert_eq!(failed.len(), 1, "{failed:?}");
+        assert_eq!(failed[0].0, Severity::Unstable);
+        assert!(failed[0].1.contains("boundaries[1]"), "{failed:?}");
+        assert!(failed[0].1.contains("to 40 %"), "{failed:?}");
+        assert_eq!(
+            between(1e-6, &serde_json::json!({"outfall": {}}), &slot),
+            []
+        );
+        assert_eq!(between(1e-6, &level(0.299), &serde_json::json!([])), []);
+        let weir = |crest: f64| {
+            let shape = serde_json::json!({"box": {"from": [0.4, -1], "to": [0.6, crest]}});
+            serde_json::json!([{"name": "weir", "shape": shape}])
+        };
+        assert_eq!(between(1e-6, &level(0.2), &weir(0.23)), []);
+        assert_eq!(between(1e-6, &level(0.2), &weir(0.1)).len(), 1);
     }
 
     #[test]
