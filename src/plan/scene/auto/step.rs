@@ -17,7 +17,8 @@
 //!   ([`super::sound`]), before the end or before averages begin, unless the relaxation time would fall below the
 //!   range of two relaxation times.
 //!
-//! It is then shortened so that the intervals of probes and outputs are whole numbers of steps.
+//! It is then shortened so that the intervals of probes and outputs are whole numbers of steps, or lengthened where a
+//! shorter one would not be stable ([`match_intervals`]).
 //!
 //! Two relaxation times are stable from tau = 0.51 on, with openings from 0.55, in 2-D and around moving bodies up
 //! to a cell Reynolds number of 7. Below this range the choice in 3-D is cumulants on D3Q27; in 2-D the cells
@@ -51,6 +52,10 @@ const MAX_TAU: f64 = 1.5;
 /// inlet of a flume runs failed at 0.5302 and were stable at 0.5491.
 const MIN_TAU: f64 = 0.51;
 const MIN_TAU_AT_OPENINGS: f64 = 0.55;
+/// Minimum relaxation time in 2-D of a step that was shortened to divide the intervals of samples, [`SHORTEST`] of the
+/// way from 0.5 to [`MIN_TAU`]. The cell Reynolds number keeps its bound: in the maps `cavity-32`, `cylinder-10` and
+/// `shear-layers-64` two relaxation times finished at 0.503 and a cell Reynolds number of 10.
+const MIN_TAU_SHORTENED: f64 = 0.5 + SHORTEST * (MIN_TAU - 0.5);
 /// Maximum cell Reynolds number for two relaxation times, between openings in 2-D and around moving bodies with
 /// links: runs failed from 11 and from 12 on.
 const MAX_CELL_REYNOLDS: f64 = 7.0;
@@ -74,6 +79,16 @@ const DRAFT: f64 = 0.1;
 /// Returns the smallest relaxation time at which operators with two relaxation times are stable at a lattice
 /// velocity.
 fn least_tau(scene: &Scene, flow: &Flow, lattice_velocity: f64) -> f64 {
+    least_tau_from(MIN_TAU, scene, flow, lattice_velocity)
+}
+
+/// Returns the result of [`least_tau`] with another least value in 2-D.
+fn least_tau_from(least: f64, scene: &Scene, flow: &Flow, lattice_velocity: f64) -> f64 {
+    let least = if scene.grid.dimension == 2 {
+        least
+    } else {
+        MIN_TAU
+    };
     let opens = flow
         .patches()
         .any(|patch| patch.condition.model().passes_water());
@@ -81,11 +96,11 @@ fn least_tau(scene: &Scene, flow: &Flow, lattice_velocity: f64) -> f64 {
     let links = matches!(scene.coupling, Some(Coupling::BounceBack(_)));
     match (opens, scene.grid.dimension) {
         (true, 3) => MIN_TAU_AT_OPENINGS,
-        (true, _) => bounded.clamp(MIN_TAU, MIN_TAU_AT_OPENINGS),
+        (true, _) => bounded.clamp(least, MIN_TAU_AT_OPENINGS),
         (false, _) if links && speed::through_the_fluid(scene, flow).is_some() => {
-            bounded.max(MIN_TAU)
+            bounded.max(least)
         }
-        (false, _) => MIN_TAU,
+        (false, _) => least,
     }
 }
 
@@ -129,13 +144,14 @@ pub(crate) fn choose(
         return;
     };
     let speed = fastest(scene, &flow);
+    let mut least = MIN_TAU;
     if flow.fixed_by == "accuracy" {
-        time_step(scene, &mut flow, speed.as_ref(), target, narrow_gaps);
+        least = time_step(scene, &mut flow, speed.as_ref(), target, narrow_gaps);
         warn_of_sound(scene, &flow, findings);
         check_operator(lbm, flow.relaxation_time, findings);
     }
     eddies(scene, &mut flow, lbm, speed.as_ref().map(|s| s.value));
-    operator(scene, &mut flow, lbm, findings);
+    operator(scene, &mut flow, lbm, least, findings);
     storage(scene, &mut flow, lbm, target);
     scene.flow = Some(flow);
 }
@@ -203,9 +219,9 @@ fn common_interval(a: f64, b: f64) -> f64 {
     long
 }
 
-/// Returns the longest time step of at most `longest` \[s\] that divides the intervals of samples and outputs: all
-/// of them, or otherwise those of probes, or otherwise the shortest.
-fn dividing(scene: &Scene, longest: f64) -> f64 {
+/// Returns the interval \[s\] that time steps of about `longest` \[s\] should divide: of all samples and outputs, or
+/// otherwise of the probes, or otherwise the shortest; none if all are shorter than a step.
+fn interval_to_divide(scene: &Scene, longest: f64) -> Option<f64> {
     let finite = |every: &f64| every.is_finite() && *every > 0.0;
     let all: Vec<f64> = intervals(scene).filter(finite).collect();
     let probes = scene.probes.iter().map(|probe| probe.every).filter(finite);
@@ -216,7 +232,13 @@ fn dividing(scene: &Scene, longest: f64) -> f64 {
         shortest,
     ];
     let fits = |every: &f64| *every >= longest * (1.0 - ROUNDING);
-    match candidates.into_iter().flatten().find(fits) {
+    candidates.into_iter().flatten().find(fits)
+}
+
+/// Returns the longest time step of at most `longest` \[s\] that divides the intervals of samples and outputs: all
+/// of them, or otherwise those of probes, or otherwise the shortest.
+fn dividing(scene: &Scene, longest: f64) -> f64 {
+    match interval_to_divide(scene, longest) {
         Some(every) => every / (every / longest * (1.0 - ROUNDING)).ceil().max(1.0),
         None => longest,
     }
@@ -233,44 +255,81 @@ pub(crate) fn divided(scene: &Scene, longest: f64) -> f64 {
     }
 }
 
-/// Shortens the time step so that it divides the sampling intervals. It stays unchanged, with samples at the
-/// nearest steps, if it would become shorter than [`SHORTEST`] times its value, or if two relaxation times would no
-/// longer be stable.
-fn shorten(scene: &Scene, flow: &mut Flow, speed: f64) {
-    let (h, nu, longest) = (scene.grid.spacing, flow.kinematic_viscosity, flow.time_step);
-    let shorter = dividing(scene, longest);
-    let holds = |time_step: f64| {
-        let tau = 0.5 + 3.0 * nu * time_step / (h * h);
-        tau >= least_tau(scene, flow, speed * time_step / h) * (1.0 - ROUNDING)
-    };
-    // Below the range of two relaxation times, cumulants are stable in 3-D at every shorter step.
-    let other = scene.grid.dimension == 3 && !holds(longest);
-    if shorter >= SHORTEST * longest && (other || holds(shorter)) {
-        flow.time_step = shorter;
-    }
+/// Returns the shortest time step of more than `longest` \[s\] that divides the intervals of samples and outputs;
+/// infinite if there is none.
+fn dividing_above(scene: &Scene, longest: f64) -> f64 {
+    let every = interval_to_divide(scene, longest).unwrap_or(f64::INFINITY);
+    every / (every / longest * (1.0 - ROUNDING)).floor()
 }
 
-/// Sets the longest time step within all limits that divides the intervals of samples, and notes which limit binds.
+/// Changes the time step so that it divides the sampling intervals; returns the least relaxation time in 2-D by which
+/// it is judged.
+///
+/// The step becomes shorter, but not shorter than [`SHORTEST`] times its value. Where two relaxation times would no
+/// longer be stable it becomes longer instead, up to `most` \[s\]; where that is too long, it becomes shorter if
+/// the program may use another operator. Otherwise it stays unchanged, with samples at the nearest steps.
+fn match_intervals(scene: &Scene, flow: &mut Flow, speed: f64, most: f64) -> f64 {
+    let (h, nu, longest) = (scene.grid.spacing, flow.kinematic_viscosity, flow.time_step);
+    let shorter = dividing(scene, longest);
+    let holds = |least: f64, time_step: f64| {
+        let tau = 0.5 + 3.0 * nu * time_step / (h * h);
+        tau >= least_tau_from(least, scene, flow, speed * time_step / h) * (1.0 - ROUNDING)
+    };
+    // Other operators are stable at shorter steps, as cumulants are in 3-D; one rate is not judged by this range.
+    let judged = matches!(flow.collision, Collision::Trt(_)) && holds(MIN_TAU, longest);
+    if shorter < SHORTEST * longest || shorter >= longest {
+        return MIN_TAU;
+    }
+    if !judged || holds(MIN_TAU, shorter) {
+        flow.time_step = shorter;
+        return MIN_TAU;
+    }
+    if holds(MIN_TAU_SHORTENED, shorter) {
+        flow.time_step = shorter;
+        return MIN_TAU_SHORTENED;
+    }
+    let longer = dividing_above(scene, longest);
+    if longer <= most && SHORTEST * longer <= longest {
+        flow.time_step = longer;
+    } else if scene.grid.dimension == 3 {
+        flow.time_step = shorter;
+    }
+    MIN_TAU
+}
+
+/// Returns `true` if the intervals of all probes are whole numbers of steps.
+fn samples_evenly(scene: &Scene, time_step: f64) -> bool {
+    let mut steps = scene.probes.iter().map(|probe| probe.every / time_step);
+    steps.all(|steps| !steps.is_finite() || (steps - steps.round()).abs() <= 1e-6 * steps.max(1.0))
+}
+
+/// Sets the longest time step within all limits that divides the intervals of samples, and notes which limit binds;
+/// returns the least relaxation time in 2-D by which the step is judged.
 fn time_step(
     scene: &mut Scene,
     flow: &mut Flow,
     speed: Option<&Speed>,
     target: f64,
     narrow_gaps: &[(usize, Gap)],
-) {
-    let limits = limits(scene, flow, speed, target, narrow_gaps);
+) -> f64 {
+    let (limits, firm) = limits(scene, flow, speed, target, narrow_gaps);
+    let mut least = MIN_TAU;
     let shortest = limits
         .iter()
         .min_by(|a, b| a.time_step.total_cmp(&b.time_step));
     if let Some(limit) = shortest {
         flow.time_step = limit.time_step;
-        shorten(scene, flow, speed.map_or(0.0, |speed| speed.value));
+        least = match_intervals(scene, flow, speed.map_or(0.0, |speed| speed.value), firm);
         flow.relaxation_time = flow
             .units(&scene.grid)
             .relaxation_time(flow.kinematic_viscosity);
         let mut text = format!("the longest time step that allows {}", limit.what);
         if flow.time_step < limit.time_step * (1.0 - ROUNDING) {
             text += ", shortened so that the intervals of samples are multiples of it";
+        } else if flow.time_step > limit.time_step * (1.0 + ROUNDING) {
+            text += ", lengthened so that the intervals of samples are multiples of it";
+        } else if !samples_evenly(scene, flow.time_step) {
+            text += "; the intervals of probes are not multiples of it, so that samples lie at the nearest steps";
         }
         let sudden = scene.density_causes.iter();
         let sudden = sudden
@@ -288,15 +347,18 @@ fn time_step(
         scene.chosen.note(Subject::TimeStep, text);
     }
     scene.chosen.limits = limits;
+    least
 }
 
+/// Returns the limits of the time step, and the longest step \[s\] by all of them that were not raised to the stable
+/// range.
 fn limits(
     scene: &Scene,
     flow: &Flow,
     speed: Option<&Speed>,
     target: f64,
     narrow_gaps: &[(usize, Gap)],
-) -> Vec<Limit> {
+) -> (Vec<Limit>, f64) {
     let (h, nu) = (scene.grid.spacing, flow.kinematic_viscosity);
     let mut limits = Vec::new();
     let mut add = |what: String, time_step: f64| {
@@ -362,16 +424,29 @@ fn limits(
         speed.map_or(0.0, |speed| speed.value) * LatticeUnits::time_step_for(MIN_TAU, h, nu) / h,
     );
     let stable = LatticeUnits::time_step_for(least_tau(scene, flow, fastest), h, nu);
+    let mut firm = limits
+        .iter()
+        .map(|limit| limit.time_step)
+        .fold(f64::INFINITY, f64::min);
+    let mut add = |what: String, time_step: f64| {
+        if time_step >= stable {
+            firm = firm.min(time_step);
+        }
+        let time_step = time_step.max(stable);
+        if time_step.is_finite() && time_step > 0.0 {
+            limits.push(Limit { what, time_step });
+        }
+    };
     if let Some((what, time_step)) = sound::passages(scene, flow) {
-        add(what, time_step.max(stable));
+        add(what, time_step);
     }
     if let Some(transit) = sound::transit(scene, flow) {
         let (what, time_step) = transit.longest_step(h, TRANSIT_SHARE * target);
-        add(what, time_step.max(stable));
+        add(what, time_step);
     }
     if let Some(waves) = sound::waves(scene, flow) {
         let (what, time_step) = waves.longest_step(h, SOUND_SHARE * target);
-        add(what, time_step.max(stable));
+        add(what, time_step);
     }
     let causes = gradual(scene);
     let of = DensityBound {
@@ -385,13 +460,13 @@ fn limits(
             number(100.0 * MAX_COMPRESSION),
             cause.what
         );
-        add(what, time_step.max(stable));
+        add(what, time_step);
     }
     for (axis, gap) in narrow_gaps.iter().filter(|(_, gap)| gap.width > 0.0) {
         let (what, time_step) = sound::building_up(scene, nu, *axis, gap);
-        add(what, time_step.max(stable));
+        add(what, time_step);
     }
-    limits
+    (limits, firm)
 }
 
 /// Returns the longest steps by changes of density: under the largest pressure, at the guard, and along the flow.
@@ -538,11 +613,23 @@ fn eddies(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, speed: Opt
     scene.chosen.note(Subject::Turbulence, text);
 }
 
-/// Chooses the cheapest operator that is stable at the relaxation time, and the velocity set that it needs.
-fn operator(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, findings: &mut Findings) {
+/// Chooses the cheapest operator that is stable at the relaxation time, and the velocity set that it needs; `least` is
+/// the least relaxation time in 2-D.
+fn operator(
+    scene: &mut Scene,
+    flow: &mut Flow,
+    lbm: &LatticeBoltzmann,
+    least: f64,
+    findings: &mut Findings,
+) {
     let speed = fastest(scene, flow).map_or(0.0, |speed| speed.value);
     let tau = flow.relaxation_time;
-    let least = least_tau(scene, flow, speed * flow.time_step / scene.grid.spacing);
+    let least = least_tau_from(
+        least,
+        scene,
+        flow,
+        speed * flow.time_step / scene.grid.spacing,
+    );
     if lbm.collision.is_none() {
         let fast = tau < least || flow.turbulence.is_some();
         // A stated D3Q19, or an operator that scales two relaxation times, leaves no choice.
@@ -613,7 +700,9 @@ fn storage(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, target: f
 mod tests {
     use super::*;
     use crate::Plan;
+    use base::error::Problem;
     use case::Document;
+    use case::accuracy::Accuracy;
     use serde_json::Value;
     use std::path::Path;
 
@@ -768,6 +857,63 @@ mod tests {
         let plan = driven(&none, &none, 1e-3);
         let reason = plan.scene.chosen.reason_of(Subject::TimeStep).unwrap();
         assert!(reason.contains("changes the density by up to"), "{reason}");
+    }
+
+    /// Checks that samples are uniform where the longest step has a relaxation time just above the least one: in a
+    /// cavity whose lid gives a relaxation time of 0.5104 on stated cells.
+    #[test]
+    fn samples_are_uniform_at_the_least_relaxation_time() {
+        let plan = |every: f64| {
+            let (speed, spacing) = (0.1, 0.002);
+            let viscosity = 0.0104 * speed * spacing / (3.0 * mach(Accuracy::default().target()));
+            let case = json!({
+                "domain": {"size": [0.064, 0.064], "spacing": spacing},
+                "fluid": {"lattice_boltzmann": {
+                    "density": 1000, "kinematic_viscosity": viscosity,
+                    "boundaries": [{"name": "lid", "face": "y_max",
+                        "condition": {"moving_wall": {"velocity": [speed, 0]}}}]
+                }},
+                "time": {"end": 2},
+                "probes": [{"name": "p", "every": every, "at": {"point": {"position": [0.03, 0.03]}}}]
+            });
+            let document = Document::read(&case.to_string(), &[], Path::new("")).unwrap();
+            Plan::prepare(document).unwrap_or_else(|problems| panic!("{problems:#?}"))
+        };
+        let whole = plan(2.0);
+        let longest = whole.clock.time_step;
+        let tau = whole.scene.flow.as_ref().unwrap().relaxation_time;
+        assert!((0.51..0.511).contains(&tau), "{tau}");
+        for steps in [3.3, 5.77, 7.9, 12.4, 40.6] {
+            let plan = plan(steps * longest);
+            let found = steps * longest / plan.clock.time_step;
+            assert!((found - found.round()).abs() < 1e-6, "{steps}: {found}");
+            assert!((0.75..1.34).contains(&(plan.clock.time_step / longest)));
+            let refused = |p: &&Problem| p.path.ends_with("kinematic_viscosity");
+            assert_eq!(plan.warnings.iter().filter(refused).count(), 0, "{steps}");
+        }
+    }
+
+    /// Checks that the range of two relaxation times does not keep another stated operator from uniform samples.
+    #[test]
+    fn samples_of_a_stated_operator_are_uniform() {
+        let plan = |every: f64| {
+            let case = json!({
+                "domain": {"size": [0.6, 0.3], "spacing": 0.01}, "gravity": [0, -9.81],
+                "fluid": {"lattice_boltzmann": {
+                    "density": 1000, "kinematic_viscosity": 1e-6,
+                    "collision": {"bgk": {}}, "turbulence": {"smagorinsky": {}},
+                    "surface": {"water": [{"shape": {"box": {"from": [0, 0], "to": [0.2, 0.2]}}}]}
+                }},
+                "time": {"end": 1},
+                "probes": [{"name": "p", "every": every, "at": {"gauge": {"position": [0.3, 0]}}}]
+            });
+            let document = Document::read(&case.to_string(), &[], Path::new("")).unwrap();
+            let plan = Plan::prepare(document).unwrap_or_else(|problems| panic!("{problems:#?}"));
+            plan.clock.time_step
+        };
+        let longest = plan(1.0);
+        let found = 5.77 * longest / plan(5.77 * longest);
+        assert!((found - 6.0).abs() < 1e-6, "{found}");
     }
 
     #[test]
