@@ -144,7 +144,7 @@ impl Solids {
     ) -> Self {
         let structures = structures::structures(case, grid, names, findings);
         if let Some(flow) = flow {
-            structures::openings(grid, &structures, flow, findings);
+            structures::water(grid, &structures, flow, findings);
         }
         let walls = walls::walls(case, grid, names, &structures, findings);
         let bodies = bodies::bodies(case, grid, names, findings);

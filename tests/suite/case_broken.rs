@@ -643,6 +643,20 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "probes[0].at",
     ),
     (
+        "probe of a body in a case without bodies",
+        "poiseuille",
+        Set(&[r#"probes=[{"name": "p", "every": 1, "at": {"body": {"name": "rod"}}}]"#]),
+        "probes[0].at.body.name",
+    ),
+    (
+        "structure over the whole domain",
+        "poiseuille",
+        Set(&[
+            r#"structures=[{"name": "all", "shape": {"box": {"from": [-9, -9], "to": [9, 9]}}}]"#,
+        ]),
+        "structures[0].shape",
+    ),
+    (
         "probe of an unknown body",
         "cylinder",
         Set(&["probes[0].at.body.name=cylindre"]),
@@ -1622,6 +1636,9 @@ fn broken_cases_are_refused_by_the_library() {
         let problems = judge(&text, &set);
         let taken = start.elapsed();
         let path = expected(path);
+        // A list of what there is has at least one entry.
+        let empty = problems.iter().find(|p| p.remedy.trim_end().ends_with(':'));
+        failures.extend(empty.map(|p| format!("{name}: an empty list: {p}")));
         let found = problems.iter().any(|p| {
             let here = p.path == path || (path.starts_with("line") && p.path.starts_with("line"));
             p.severity == Severity::Error && here && !p.reason.is_empty() && !p.remedy.is_empty()

@@ -142,7 +142,10 @@ fn find(
             .map(|p| p.name.as_str())
             .collect();
         let remedy = nearest(name, &names).map_or_else(
-            || Remedy::from(format!("probes `{kind}` here: {}", names.join(", "))),
+            || match names[..] {
+                [] => Remedy::from(format!("add a probe `{kind}` with this name to `probes`")),
+                _ => Remedy::from(format!("probes `{kind}` here: {}", names.join(", "))),
+            },
             |near| Remedy::from(format!("did you mean `{near}`?")).set(path, near),
         );
         findings.error(

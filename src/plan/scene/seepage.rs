@@ -17,7 +17,7 @@ use super::aligned_box::AlignedBox;
 use super::findings::{Findings, number};
 use super::grains::Grains;
 use super::grid::Grid;
-use super::structures::Structure;
+use super::structures::{Structure, spread};
 use super::unique;
 use base::error::Remedy;
 use base::number::{real, whole};
@@ -561,6 +561,7 @@ impl Seepage {
     /// Checks the seepage against the rest of the case.
     fn check(&self, case: &Case, grid: &Grid, grains: Option<&Grains>, findings: &mut Findings) {
         self.check_conditions(case, findings);
+        self.check_solids(grid.dimension, findings);
         self.check_laws(findings);
         self.check_unsaturated(case, grid, findings);
         let path = if let Some(own) = &self.written.grid {
@@ -657,6 +658,26 @@ impl Seepage {
                     "add `gravity`, or impose a pressure or a discharge",
                 );
             }
+        }
+    }
+
+    /// Refuses structures that leave the seepage no cell.
+    fn check_solids(&self, dimension: usize, findings: &mut Findings) {
+        if self.solids.is_empty() {
+            return;
+        }
+        let least = 0.5 * self.smallest_edge(dimension);
+        let axes: [GridAxis<'_>; 3] = std::array::from_fn(|a| self.axis(a));
+        let filled = spread(self.cells).all(|cell| {
+            let at = std::array::from_fn(|a| axes[a].centre(cell[a]));
+            self.solids.iter().any(|solid| solid.distance(at) < -least)
+        });
+        if filled {
+            findings.error(
+                "structures",
+                "structures cover the whole grid of the seepage, so that no cell is left for the water",
+                "make them smaller, move them, or check that lengths are in m (the unit of a mesh is its `scale`)",
+            );
         }
     }
 

@@ -5,7 +5,7 @@ use super::grid::Grid;
 use super::{material, stl, unique, usual_material};
 use crate::scene::flow::Flow;
 use base::error::Remedy;
-use base::number::{floor_i64, real};
+use base::number::{floor_i64, real, whole};
 use case::Case;
 use case::fluid::Fluid;
 use case::structures::Stops;
@@ -205,17 +205,59 @@ pub fn inside(structures: &[Structure], grain: &super::sample::ListedGrain) -> b
     structures.iter().any(|one| depth(one, grain).is_some())
 }
 
-/// Refuses openings that structures close completely.
-pub(crate) fn openings(
-    grid: &Grid,
-    structures: &[Structure],
-    flow: &Flow,
-    findings: &mut Findings,
-) {
-    let solid = |at: [f64; 3]| {
-        let mut water = structures.iter().filter(|s| s.stops.water());
-        water.any(|s| s.solid.distance(at) < 0.0)
+/// Returns all cells of a grid in an order that is spread over it, so that a search soon finds a cell of any large
+/// part.
+pub(crate) fn spread([nx, ny, nz]: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
+    let count = nx * ny * nz;
+    let divides = |a: usize, b: usize| {
+        let (mut a, mut b) = (a, b);
+        while b > 0 {
+            (a, b) = (b, a % b);
+        }
+        a > 1
     };
+    // The golden ratio spreads the places evenly; a stride without a common divisor reaches each once.
+    let mut stride = whole(0.618 * real(count)).max(1);
+    while divides(stride, count) {
+        stride += 1;
+    }
+    let places = (0..count).scan(0, move |at, _| {
+        *at = (*at + stride) % count;
+        Some(*at)
+    });
+    places.map(move |at| [at % nx, at / nx % ny, at / (nx * ny)])
+}
+
+/// Returns `true` if a point lies in a structure that stops water.
+fn in_structures(structures: &[Structure], at: [f64; 3]) -> bool {
+    let mut water = structures.iter().filter(|s| s.stops.water());
+    water.any(|s| s.solid.distance(at) < 0.0)
+}
+
+/// Refuses structures that leave the lattice no cell for the water, and openings that they close completely.
+pub(crate) fn water(grid: &Grid, structures: &[Structure], flow: &Flow, findings: &mut Findings) {
+    let fill = |structures: &[Structure]| {
+        let mut centres = spread(grid.cells).map(|cell| grid.centre(cell));
+        centres.all(|at| in_structures(structures, at))
+    };
+    if structures.is_empty() || !fill(structures) {
+        openings(grid, structures, flow, findings);
+        return;
+    }
+    let (path, what) = match (0..structures.len()).find(|n| fill(&structures[*n..=*n])) {
+        Some(n) => (format!("structures[{n}].shape"), "the solid covers"),
+        None => ("structures".to_owned(), "the solids together cover"),
+    };
+    findings.error(
+        &path,
+        format!("{what} the whole domain, so that no cell is left for the water"),
+        "make it smaller, move it, or check that lengths are in m (the unit of a mesh is its `scale`)",
+    );
+}
+
+/// Refuses openings that structures close completely.
+fn openings(grid: &Grid, structures: &[Structure], flow: &Flow, findings: &mut Findings) {
+    let solid = |at: [f64; 3]| in_structures(structures, at);
     for patch in flow.patches() {
         let Some(n) = patch.index.filter(|_| !structures.is_empty()) else {
             continue;
@@ -257,7 +299,7 @@ pub(crate) fn openings(
 #[cfg(test)]
 mod tests {
     use crate::Plan;
-    use base::error::Problem;
+    use base::error::{Problem, Severity};
     use case::Document;
     use serde_json::{Value, json};
     use std::path::Path;
@@ -281,6 +323,60 @@ mod tests {
         found
             .iter()
             .any(|p| p.path == "structures[0].shape" && p.reason.contains("covers no cell"))
+    }
+
+    /// Checks that a case without a cell of water is refused once, with the path of what covers it, and that one with a
+    /// narrow passage is not.
+    #[test]
+    fn a_solid_that_covers_the_whole_domain_is_refused() {
+        let found = |structures: Value| {
+            let case = json!({
+                "domain": {"size": [0.02, 0.01], "spacing": 0.001},
+                "fluid": {"lattice_boltzmann": {"density": 1000, "kinematic_viscosity": 1e-5, "relaxation_time": 0.8,
+                    "boundaries": [
+                        {"name": "in", "face": "x_min", "condition": {"pressure": {"value": 0.1}}},
+                        {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}}
+                    ]}},
+                "structures": structures,
+                "time": {"end": 0.01}
+            });
+            let found = findings(&case, Path::new("."));
+            let errors = found.into_iter().filter(|p| p.severity == Severity::Error);
+            errors.map(|p| (p.path, p.reason)).collect::<Vec<_>>()
+        };
+        let slab = |name: &str, from: f64, to: f64| {
+            let shape = json!({"box": {"from": [-0.01, from], "to": [0.03, to]}});
+            json!({"name": name, "shape": shape})
+        };
+        for (structures, path) in [
+            (json!([slab("all", -0.01, 0.02)]), "structures[0].shape"),
+            (
+                json!([slab("low", -0.01, 0.002), slab("all", 0.0, 0.01)]),
+                "structures[1].shape",
+            ),
+            (
+                json!([slab("low", -0.01, 0.006), slab("high", 0.005, 0.02)]),
+                "structures",
+            ),
+        ] {
+            let errors = found(structures);
+            assert_eq!(errors.len(), 1, "{errors:?}");
+            assert_eq!(errors[0].0, path);
+            assert!(errors[0].1.contains("the whole domain"), "{errors:?}");
+        }
+        let passage = json!([slab("low", -0.01, 0.005), slab("high", 0.006, 0.02)]);
+        assert_eq!(found(passage), []);
+    }
+
+    #[test]
+    fn a_search_through_spread_cells_reaches_each_once() {
+        for counts in [[1, 1, 1], [2, 3, 1], [13, 1, 1], [5, 6, 7], [8, 8, 8]] {
+            let mut cells: Vec<_> = super::spread(counts).collect();
+            cells.sort_unstable();
+            cells.dedup();
+            assert_eq!(cells.len(), counts.iter().product::<usize>());
+            assert!(cells.iter().all(|cell| (0..3).all(|a| cell[a] < counts[a])));
+        }
     }
 
     #[test]

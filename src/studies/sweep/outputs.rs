@@ -59,7 +59,11 @@ fn of_output(
             path("file"),
             format!("{file:?}"),
             "no run of this study writes this table",
-            format!("tables of its probes: {}", tables.join(", ")),
+            if tables.is_empty() {
+                "add a probe to `probes` of the case".to_owned()
+            } else {
+                format!("tables of its probes: {}", tables.join(", "))
+            },
         )];
     };
     let columns = probe_columns(scene, &probe.at);

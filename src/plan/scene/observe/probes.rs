@@ -349,7 +349,10 @@ impl Measured<'_> {
         if index.is_none() {
             let names: Vec<&str> = self.bodies.iter().map(|b| b.name.as_str()).collect();
             let remedy = case::check::nearest(name, &names).map_or_else(
-                || format!("bodies here: {}", names.join(", ")).into(),
+                || match names[..] {
+                    [] => "add the body to `bodies`, or remove the probe".into(),
+                    _ => format!("bodies here: {}", names.join(", ")).into(),
+                },
                 |near| Remedy::from(format!("did you mean `{near}`?")).set(path, near),
             );
             findings.error(path, "there is no body with this name", remedy);
@@ -446,7 +449,10 @@ impl Measured<'_> {
             findings.error(
                 path,
                 "there is no mouth with this name",
-                format!("use one of: {}", known.join(", ")).as_str(),
+                match known[..] {
+                    [] => "add the mouth to `fluid.joints.mouths`, or remove the probe".to_owned(),
+                    _ => format!("use one of: {}", known.join(", ")),
+                },
             );
         }
         ProbeAt::Mouth(index.unwrap_or(0))

@@ -162,6 +162,9 @@ impl Seepage {
             let known: Vec<&str> = all.iter().map(|(known, _)| *known).collect();
             let remedy = match check::nearest(name, &known) {
                 Some(near) => Remedy::from(format!("did you mean `{near}`?")).set(path, near),
+                None if known.is_empty() => {
+                    "add a boundary or a drain with a head to `fluid.darcy`".into()
+                }
                 None => format!("use one of: {}", known.join(", ")).into(),
             };
             findings.error(
