@@ -96,6 +96,13 @@ impl Nearest {
         distance <= self.distance * (1.0 + ON_RIM) && self.normal.dot(normal) > SAME_CONTACT_COSINE
     }
 
+    /// Returns `true` if this contact, which a bond or a bridge holds, replaces one with another wall: that wall lies
+    /// in the same direction, and its plane passes through the contact point of this one or behind it.
+    pub(super) fn holds_instead_of(&self, other: &Self) -> bool {
+        let cosine = self.normal.dot(&other.normal);
+        cosine > SAME_CONTACT_COSINE && other.distance >= self.distance * cosine * (1.0 - ON_RIM)
+    }
+
     /// Returns `true` if this contact replaces one with another wall. `first` breaks ties; `on` returns `true` if
     /// the contact point of the other one lies on a facet of this wall.
     pub(super) fn replaces(&self, other: &Self, first: bool, on: impl FnOnce() -> bool) -> bool {

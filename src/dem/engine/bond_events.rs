@@ -74,39 +74,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             }
         }
         for facets in &mut self.solids.facets {
-            facets.next.clear();
-            for pair in &mut facets.pairs {
-                let wall = &self.walls[pair.wall as usize];
-                let Some(surface) = &wall.surface else {
-                    continue;
-                };
-                let at = &particles.motion[pair.grain as usize].position;
-                let held = &facets.held[pair.held.0 as usize..pair.held.1 as usize];
-                let near = &facets.near[pair.near.0 as usize..pair.near.1 as usize];
-                let reach = pair.radius + L::bonding_gap(&pair.constants);
-                wall.touched(near, at, reach, &mut facets.found);
-                facets.taken.clear();
-                facets.taken.resize(held.len(), false);
-                let start = ghosts::index(facets.next.len());
-                for one in &facets.found {
-                    let mut history =
-                        history_of(surface, held, &mut facets.taken, &facets.found, one.facet);
-                    if L::bond(&pair.constants, &mut history, pair.radius - one.distance) {
-                        bonds += 1;
-                    }
-                    // The default history counts as none, whether or not lists were built meanwhile.
-                    if (one.distance < pair.radius || L::holds(&history))
-                        && history != L::History::default()
-                    {
-                        facets.next.push(Held {
-                            facet: one.facet,
-                            history,
-                        });
-                    }
-                }
-                pair.held = (start, ghosts::index(facets.next.len()));
-            }
-            std::mem::swap(&mut facets.held, &mut facets.next);
+            bonds += facets.bond::<S, L>(&self.walls, &particles.motion);
         }
         // Bonds across gaps act from now on.
         self.activate(particles);

@@ -213,24 +213,21 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
         let mut doubled = std::mem::take(&mut self.doubled);
         let mut found = std::mem::take(&mut self.found);
         let pairs = self.active[from..to].iter().copied();
-        self.doubles::<S, L>(
-            pairs,
-            walls,
-            motion,
-            (&mut together, &mut found),
-            &mut doubled,
-        );
+        let buffers = (&mut together, &mut found);
+        self.doubles::<S, L>(pairs, walls, motion, |_| 0.0, buffers, &mut doubled);
         (self.together, self.doubled, self.found) = (together, doubled, found);
     }
 
     /// Adds to `doubled` those contacts of these pairs, all of one sphere, that a contact with another wall
-    /// replaces: a nearer one in the same direction (at equal distance that with the first wall), or one with a
-    /// facet that contains the edge or vertex in contact.
+    /// replaces: a nearer one in the same direction (at equal distance that with the first wall), one with a
+    /// facet that contains the edge or vertex in contact, or one in the same direction that a bond or a bridge holds. A
+    /// pair is in contact up to its `gap` \[m\].
     pub(super) fn doubles<S: Space, L: ContactLaw<S, Constants = C, History = M>>(
         &self,
         pairs: impl Iterator<Item = u32>,
         walls: &[Wall<S>],
         motion: &[Motion<S>],
+        gap: impl Fn(&SurfacePair<C>) -> f64,
         (together, found): (&mut Vec<(u32, Nearest)>, &mut Vec<Nearest>),
         doubled: &mut Vec<[u32; 2]>,
     ) {
@@ -239,7 +236,7 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
             let pair = &self.pairs[k as usize];
             let wall = &walls[pair.wall as usize];
             let at = &motion[pair.grain as usize].position;
-            wall.touched(self.near(pair), at, pair.radius, found);
+            wall.touched(self.near(pair), at, pair.radius + gap(pair), found);
             together.extend(found.iter().map(|one| (k, *one)));
         }
         for &(k, one) in together.iter() {
@@ -253,12 +250,73 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
                 let others = &self.pairs[other as usize];
                 let wall = &walls[others.wall as usize];
                 let on = || wall.stands_on(self.near(others), &foot);
-                other != k && two.replaces(&one, other < k, on)
+                let holds = || is_held::<S, L>(self.held(others), two.facet);
+                other != k
+                    && (two.replaces(&one, other < k, on) || two.holds_instead_of(&one) && holds())
             });
             if replaced {
                 doubled.push([k, one.facet]);
             }
         }
+    }
+
+    /// Bonds all contacts of spheres that no contact with another wall replaces; returns their number.
+    pub(super) fn bond<S: Space, L: ContactLaw<S, Constants = C, History = M>>(
+        &mut self,
+        walls: &[Wall<S>],
+        motion: &[Motion<S>],
+    ) -> u64 {
+        let gap = |pair: &SurfacePair<C>| L::bonding_gap(&pair.constants);
+        let (mut together, mut found, mut doubled) = (Vec::new(), Vec::new(), Vec::new());
+        let mut from = 0;
+        for pairs in self.pairs.chunk_by(|a, b| a.grain == b.grain) {
+            let indices = from..from + ghosts::index(pairs.len());
+            from = indices.end;
+            if pairs.len() > 1 {
+                let buffers = (&mut together, &mut found);
+                self.doubles::<S, L>(indices, walls, motion, gap, buffers, &mut doubled);
+            }
+        }
+        doubled.sort_unstable();
+        let mut bonds = 0;
+        self.next.clear();
+        for (k, pair) in (0..).zip(&mut self.pairs) {
+            let wall = &walls[pair.wall as usize];
+            let Some(surface) = &wall.surface else {
+                continue;
+            };
+            let at = &motion[pair.grain as usize].position;
+            let held = &self.held[pair.held.0 as usize..pair.held.1 as usize];
+            let near = &self.near[pair.near.0 as usize..pair.near.1 as usize];
+            wall.touched(near, at, pair.radius + gap(pair), &mut found);
+            found.retain(|one| doubled.binary_search(&[k, one.facet]).is_err());
+            if pair.by_plane {
+                drop_doubled_by_planes(walls, (at, pair.radius), &mut found, |one| {
+                    is_held::<S, L>(held, one.facet)
+                });
+            }
+            self.taken.clear();
+            self.taken.resize(held.len(), false);
+            let start = ghosts::index(self.next.len());
+            for one in &found {
+                let mut history = history_of(surface, held, &mut self.taken, &found, one.facet);
+                bonds += u64::from(L::bond(
+                    &pair.constants,
+                    &mut history,
+                    pair.radius - one.distance,
+                ));
+                // The default history counts as none, whether or not lists were built meanwhile.
+                if (one.distance < pair.radius || L::holds(&history)) && history != M::default() {
+                    self.next.push(Held {
+                        facet: one.facet,
+                        history,
+                    });
+                }
+            }
+            pair.held = (start, ghosts::index(self.next.len()));
+        }
+        std::mem::swap(&mut self.held, &mut self.next);
+        bonds
     }
 
     /// Chooses the pairs that may touch before grains have moved by another `check_path` \[m\].

@@ -164,7 +164,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             let pairs = ghosts::index(first)..ghosts::index(first + count);
             let buffers = (&mut Vec::new(), &mut Vec::new());
             let motion = &particles.motion;
-            facets.doubles::<S, L>(pairs.clone(), &self.walls, motion, buffers, &mut doubled);
+            let (walls, indices) = (&self.walls, pairs.clone());
+            facets.doubles::<S, L>(indices, walls, motion, |_| 0.0, buffers, &mut doubled);
             let mut own = pairs;
             let own = own.find(|k| facets.pairs[*k as usize].wall == pair.wall);
             found.retain(|one| own.is_none_or(|own| !doubled.contains(&[own, one.facet])));

@@ -5,6 +5,8 @@ use std::sync::Arc;
 use approx::assert_relative_eq;
 use nalgebra::{Rotation3, Vector3};
 
+use super::super::contact::contact_bond;
+use super::bonds::{CLAY, clay};
 use super::*;
 use base::random::Stream;
 
@@ -138,6 +140,89 @@ fn two_walls_that_touch_push_once() {
             let (two, _) = drop(vec![wall(strip(-0.1, 0.0)), wall(second)], x);
             assert_relative_eq!(two.velocity.z, one.velocity.z, max_relative = 1e-6);
             assert_relative_eq!(two.velocity.x, one.velocity.x, max_relative = 0.02);
+        }
+    }
+}
+
+/// Returns the number of bonds of a heavy ball of 1 mm at a position above walls of clay, and the forces on it after
+/// one step and when it has moved by a fifth of the shear at which a bond breaks, along each direction of the plane.
+fn bonded(walls: Vec<Wall<Volume>>, [x, y]: [f64; 2], overlap: f64) -> (u64, Vec<Vector3<f64>>) {
+    let parameters = contact_bond::ContactBondParameters {
+        bonding_gap: 1e-6,
+        ..CLAY
+    };
+    let settings = DemSettings::new(about_origin::<Volume>(1.0), 1.0, 1e-4);
+    let mut dem = clay(parameters, settings, walls);
+    let mut particles = Particles::new();
+    let body = Body {
+        mass: 1e30,
+        inertia: 1e30,
+        ..Body::uniform::<Volume>(1, 1e-3, 2600.0, 0)
+    };
+    let motion = Motion {
+        position: Vector3::new(x, y, 1e-3 - overlap),
+        ..Motion::default()
+    };
+    particles.insert(body, motion);
+    let bonds = dem
+        .bond_existing_contacts(&mut particles, &alone())
+        .unwrap();
+    let mut forces = Vec::new();
+    for direction in [
+        Vector3::zeros(),
+        Vector3::x(),
+        -2.0 * Vector3::x(),
+        Vector3::y(),
+    ] {
+        particles.motion[0].velocity = direction * 1e-6;
+        dem.advance_many(&mut particles, &alone(), 10).unwrap();
+        forces.push(particles.contact[0].force);
+    }
+    assert!(dem.take_breaks().is_empty());
+    (bonds, forces)
+}
+
+/// Checks that a grain has one bond over the seam of pieces of one plane, and over facets of several walls next to a
+/// plane, with the force of a bond with one wall, k_n times the overlap, in compression, tension and shear.
+#[test]
+fn a_bond_over_a_seam_is_one_bond() {
+    let wall = |surface: FacetSurface| Wall::of_surface(Arc::new(surface), 0);
+    let cuboid = |from: f64, to: f64| {
+        let (low, high) = (Vector3::new(from, -0.1, -0.05), Vector3::new(to, 0.1, 0.0));
+        wall(FacetSurface::of_box(low, high).unwrap())
+    };
+    let plane = || Wall::<Volume>::new(Vector3::zeros(), Vector3::z(), 0);
+    for overlap in [2e-6, -5e-7] {
+        let (bonds, one) = bonded(vec![wall(strip(-0.1, 0.1))], [0.0, 0.0], overlap);
+        assert_eq!(bonds, 1);
+        assert_relative_eq!(one[0].z, 1e6 * overlap, max_relative = 1e-9);
+        assert_relative_eq!(one[1].x, -10.0, max_relative = 1e-3);
+        for walls in [
+            vec![wall(strip(-0.1, 0.0)), wall(strip(0.0, 0.1))],
+            vec![cuboid(-0.1, 0.0), cuboid(0.0, 0.1)],
+            vec![cuboid(0.0, 0.1), wall(strip(-0.1, 0.0))],
+            vec![
+                wall(strip(-0.1, 0.05)),
+                cuboid(0.0, 0.1),
+                wall(mesh(8, 0.1)),
+            ],
+            vec![wall(mesh(8, 0.1)), wall(polygon(0.1))],
+            vec![plane(), cuboid(0.0, 0.1)],
+            vec![cuboid(0.0, 0.1), plane()],
+        ] {
+            let (bonds, several) = bonded(walls, [0.0, 0.0], overlap);
+            assert_eq!(bonds, 1);
+            // Next to the seam the bond ends at the edge of its piece. Its normal turns by 1e-5 m over the radius,
+            // which adds a part of the normal force along the plane and of the shear of 10 N across it, and the bond
+            // becomes longer by 5e-8 m.
+            let turn = 1e-5 / 1e-3;
+            let along = 1.05 * 1e6 * overlap.abs() * turn;
+            let across = 1.05 * (10.0 * turn + 1e6 * 5e-8);
+            for (several, one) in several.iter().zip(&one) {
+                assert_relative_eq!(several.x, one.x, epsilon = along);
+                assert_relative_eq!(several.y, one.y, epsilon = along);
+                assert_relative_eq!(several.z, one.z, epsilon = across);
+            }
         }
     }
 }
