@@ -150,7 +150,7 @@ entry! {
 }
 
 /// Shape number of spheres.
-pub(super) const SPHERE: u32 = u32::MAX;
+pub const SPHERE: u32 = u32::MAX;
 
 /// Number of values per grain in [`Particles::extra`].
 pub const EXTRA: usize = 12;

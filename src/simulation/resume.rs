@@ -293,24 +293,18 @@ pub(super) fn bounds(plan: &Plan, other_feeds: bool) -> checkpoint::StateLimits 
         (smallest.min(largest), largest)
     };
     // A solid without a density counts with a density of 1.
-    let density = scene
-        .materials
-        .iter()
-        .filter_map(|material| material.density);
-    let density = density.fold(1.0, f64::max);
-    let volume = if scene.grid.dimension == 2 {
-        std::f64::consts::PI * largest.powi(2)
-    } else {
-        4.0 / 3.0 * std::f64::consts::PI * largest.powi(3)
-    };
+    let densities = scene.materials.iter();
+    let densities = densities.map(|material| material.density.unwrap_or(1.0));
+    let shapes = scene.polyhedra().map(|one| &one.solid.shape);
+    let shapes = shapes.map(|shape| [shape.volume(), shape.inertia(1.0).mean()]);
     checkpoint::StateLimits {
         size: scene.grid.size,
         periodic: scene.grid.periodic,
-        materials: scene.materials.len() as u64,
-        shapes: scene.polyhedra().count() as u64,
+        dimension: scene.grid.dimension,
+        densities: densities.collect(),
+        shapes: shapes.collect(),
         smallest,
         largest,
-        heaviest: density * volume,
     }
 }
 

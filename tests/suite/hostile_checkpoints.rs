@@ -304,11 +304,22 @@ fn a_signed_manifest_is_bounded_by_the_case() {
 fn every_column_of_grains_and_contacts_has_bounds() {
     let _beside = beside_others();
     let real = f64::to_bits;
+    // Values within the range of the case that do not fit the other columns of the grain.
+    let whole = Copy::new("columns");
+    let scaled = |column: &str, factor: f64| {
+        let values = whole.read(column).unwrap();
+        real(factor * f64::from_bits(values[3]))
+    };
     for (column, value) in [
         ("grains_radius", real(1e6)),
         ("grains_radius", real(1e-12)),
         ("grains_mass", real(1e300)),
+        ("grains_mass", scaled("grains_mass", 0.5)),
+        ("grains_mass", scaled("grains_mass", 1.0 + 1e-7)),
+        ("grains_mass", real(0.0)),
         ("grains_inertia", real(1e300)),
+        ("grains_inertia", scaled("grains_inertia", 0.9)),
+        ("grains_radius", scaled("grains_radius", 1.0 + 1e-7)),
         ("grains_id", 1 << 32),
         ("grains_material", 17),
         ("grains_position_x", real(1e12)),

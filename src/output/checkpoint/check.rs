@@ -5,6 +5,8 @@ use super::{EARLIER, TABLES};
 use crate::averages::SUMS;
 use base::error::Error;
 use base::number::to_usize;
+use dem::particles::SPHERE;
+use dem::space::{PlaneSpace, Space, Volume};
 use dem::state::{Contacts, NamedColumns, Values};
 use io::checkpoint::Manifest;
 use io::data::Kind;
@@ -215,16 +217,16 @@ pub struct StateLimits {
     pub size: [f64; 3],
     /// Periodic axes. Grains and contacts have no shift along the others.
     pub periodic: [bool; 3],
-    /// Number of materials.
-    pub materials: u64,
-    /// Number of shapes of blocks.
-    pub shapes: u64,
+    /// Number of dimensions.
+    pub dimension: usize,
+    /// Density of each material [kg/m³]; 1 for one without a density.
+    pub densities: Vec<f64>,
+    /// Mass \[kg\] and mean moment of inertia [kg m²] of each shape of a block at a density of 1 kg/m³.
+    pub shapes: Vec<[f64; 2]>,
     /// Radius of the smallest grain or body \[m\]; 0 if the grains of the case grow.
     pub smallest: f64,
     /// Radius of the largest grain, body or block \[m\].
     pub largest: f64,
-    /// Mass of the heaviest sphere or disc with the largest radius [kg; in 2-D kg/m].
-    pub heaviest: f64,
 }
 
 /// Upper bound of ids: contacts store the ids of two grains in one number.
@@ -240,8 +242,10 @@ const SHIFTS: i64 = 1 << 20;
 const MAGNITUDE: f64 = 1e30;
 /// Maximum speed [m/s].
 const SPEED: f64 = 3e8;
-/// Relative rounding error of radii and masses.
+/// Relative rounding error of radii.
 const ROUNDING: f64 = 1e-6;
+/// Relative rounding error of masses and moments of inertia, which follow from density and shape.
+const MASS_ROUNDING: f64 = 1e-9;
 
 impl StateLimits {
     /// Checks that grains and contacts are possible in the case: values that no run could have written would make
@@ -289,7 +293,7 @@ impl StateLimits {
         for (name, values) in &contacts.faces.columns {
             let good = match values {
                 Values::Real(values) => within(values, -MAGNITUDE, MAGNITUDE),
-                Values::Whole(values) => values.iter().all(|n| *n < self.materials.max(1)),
+                Values::Whole(values) => values.iter().all(|n| *n < self.materials()),
             };
             if !good {
                 return mismatch(&format!(
@@ -310,10 +314,11 @@ impl StateLimits {
                 }
                 Values::Whole(values) => match name.as_str() {
                     "id" => values.iter().all(|id| *id < IDS),
-                    "material" => values.iter().all(|n| *n < self.materials.max(1)),
+                    "material" => values.iter().all(|n| *n < self.materials()),
                     "kind" => values.iter().all(|kind| *kind < 3),
                     "shape" => {
-                        let shape = |s: u64| s < self.shapes || s == u64::from(u32::MAX);
+                        let shapes = self.shapes.len() as u64;
+                        let shape = |s: u64| s < shapes || s == u64::from(SPHERE);
                         values.iter().all(|s| shape(*s))
                     }
                     _ if name.starts_with("shift") => self.shifts(name, values),
@@ -326,6 +331,7 @@ impl StateLimits {
                 ));
             }
         }
+        self.masses(grains)?;
         let turns: Vec<&[f64]> = ["x", "y", "z", "w"]
             .iter()
             .filter_map(|axis| {
@@ -354,6 +360,62 @@ impl StateLimits {
         Ok(())
     }
 
+    /// Returns the number of materials, at least 1.
+    fn materials(&self) -> u64 {
+        self.densities.len().max(1) as u64
+    }
+
+    /// Checks that masses and moments of inertia are those of the density and the shape of each grain.
+    fn masses(&self, grains: &NamedColumns) -> Result<(), Error> {
+        let find = |name: &str| grains.columns.iter().find(|(known, _)| known == name);
+        let real = |name: &str| match find(name) {
+            Some((_, Values::Real(values))) => values.as_slice(),
+            _ => &[],
+        };
+        let whole = |name: &str| match find(name) {
+            Some((_, Values::Whole(values))) => values.as_slice(),
+            _ => &[],
+        };
+        let (radii, materials, shapes) = (real("radius"), whole("material"), whole("shape"));
+        let (masses, inertias) = (real("mass"), real("inertia"));
+        for (k, (radius, material)) in radii.iter().zip(materials).enumerate() {
+            let density = self.densities.get(to_usize(*material)).unwrap_or(&1.0);
+            let shape = shapes
+                .get(k)
+                .and_then(|shape| self.shapes.get(to_usize(*shape)));
+            let expected = match shape {
+                Some(unit) => unit.map(|number| density * number),
+                None => self.of_ball(*radius, *density),
+            };
+            for (name, values, expected) in [
+                ("mass", masses, expected[0]),
+                ("inertia", inertias, expected[1]),
+            ] {
+                let Some(value) = values.get(k) else {
+                    continue;
+                };
+                if (value - expected).abs() > MASS_ROUNDING * expected {
+                    return mismatch(&format!(
+                        "column {name} of the grains holds values that no grain can have: {value} where a density of \
+                         {density} kg/m3 and the shape give {expected}"
+                    ));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns mass and moment of inertia of a disc or sphere.
+    fn of_ball(&self, radius: f64, density: f64) -> [f64; 2] {
+        if self.dimension == 2 {
+            let mass = PlaneSpace::mass(density, radius);
+            [mass, PlaneSpace::inertia(mass, radius)]
+        } else {
+            let mass = Volume::mass(density, radius);
+            [mass, Volume::inertia(mass, radius)]
+        }
+    }
+
     /// Returns `true` if all numbers of periods, stored as whole numbers, are at most [`SHIFTS`] in magnitude, and 0
     /// along an axis that is not periodic.
     fn shifts(&self, name: &str, numbers: &[u64]) -> bool {
@@ -374,9 +436,8 @@ impl StateLimits {
         let (more, less) = (1.0 + ROUNDING, 1.0 - ROUNDING);
         match name {
             "radius" => [less * self.smallest, more * self.largest],
-            "mass" => [f64::MIN_POSITIVE, more * self.heaviest],
-            // The bound is the inertia of a needle as long as the sphere around it.
-            "inertia" => [0.0, more * self.heaviest * self.largest * self.largest],
+            // The exact value is checked together with density and shape.
+            "mass" | "inertia" => [0.0, MAGNITUDE],
             _ if name.starts_with("position") || name.starts_with("start") => {
                 both(axis(name).map_or(MAGNITUDE, |a| FARTHEST * self.size[a].max(1.0)))
             }
