@@ -13,7 +13,7 @@ use case::geometry::Vector;
 use io::dxf::{Drawing, Polyline};
 use serde_json::{Value, json};
 use std::path::Path;
-use structure::{Shape, crossing};
+use structure::{Shape, edges_that_meet};
 
 /// Distance between an arc and its chords over the extent of a polyline, unless the case states one.
 const TOLERANCE: f64 = 1e-3;
@@ -277,15 +277,11 @@ fn check(
         ));
     }
     if outline == Outline::Closed
-        && let Some((k, n)) = crossing(points)
+        && let Some(edges) = edges_that_meet(points)
     {
-        let [one, other] = [points[k], points[n]];
         return Err(Fault(
             ".layer",
-            format!(
-                "the polyline of layer `{layer}` of {name} crosses or touches itself: its edges from {one:?} and \
-                 {other:?} m meet"
-            ),
+            format!("the polyline of layer `{layer}` of {name} crosses or touches itself: {edges}"),
             "correct the outline in the drawing".into(),
         ));
     }

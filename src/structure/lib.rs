@@ -32,7 +32,7 @@ mod solid;
 
 pub use facets::Facets;
 pub use images::Images;
-pub use polygon::crossing;
+pub use polygon::{crossing, edges_that_meet};
 pub use solid::{Frame, ReadMesh, Solid};
 
 use base::error::Report;

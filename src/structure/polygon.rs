@@ -74,12 +74,10 @@ impl Polygon {
             );
             return None;
         }
-        if let Some((k, n)) = crossing(&self.points) {
+        if let Some(edges) = edges_that_meet(&self.points) {
             report.error(
                 &path,
-                format!(
-                    "the polygon crosses or touches itself: its edges from corners {k} and {n} meet"
-                ),
+                format!("the polygon crosses or touches itself: {edges}"),
                 "list the corners in their order along the outline, each once".into(),
             );
             return None;
@@ -123,6 +121,20 @@ fn to_edge(at: PlanePoint, a: PlanePoint, b: PlanePoint) -> f64 {
     let t = ((at[0] - a[0]) * (b[0] - a[0]) + (at[1] - a[1]) * (b[1] - a[1])) / length;
     let t = if length > 0.0 { t.clamp(0.0, 1.0) } else { 0.0 };
     squared(at, [a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])])
+}
+
+/// Returns the words of a finding about a closed polygon that crosses or touches itself, which name the first two edges
+/// that meet by their numbers and ends; none for a simple polygon.
+#[must_use]
+pub fn edges_that_meet(points: &[[f64; 2]]) -> Option<String> {
+    let (k, m) = crossing(points)?;
+    let edge = |k: usize| {
+        let next = (k + 1) % points.len();
+        let [[x, y], [u, v]] = [points[k], points[next]];
+        format!("from corner {k} at {x:?}, {y:?} m to corner {next} at {u:?}, {v:?} m")
+    };
+    let (one, other) = (edge(k), edge(m));
+    Some(format!("the edge {one} meets the edge {other}"))
 }
 
 /// Returns two edges of a closed polygon that intersect other than as neighbours, by the indices of their first

@@ -24,6 +24,7 @@ use dem::FacetSurface;
 use nalgebra::Vector3;
 use serde::Serialize;
 use std::sync::Arc;
+use structure::crossing;
 use structure::surface::judge_unit;
 
 /// Plane or surface that grains can touch.
@@ -490,6 +491,21 @@ fn has_a_preparation(case: &Case, path: &str, findings: &mut Findings) {
     }
 }
 
+/// Returns the corners of a plane polygon along the two axes that are most nearly in its plane; empty without an area.
+fn in_its_plane(corners: &[Vector3<f64>]) -> Vec<[f64; 2]> {
+    let normals = corners.windows(2).map(|ends| {
+        let [a, b] = [0, 1].map(|k| ends[k] - corners[0]);
+        a.cross(&b)
+    });
+    let largest = normals.max_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared()));
+    let Some(normal) = largest.filter(|normal| normal.norm_squared() > 0.0) else {
+        return Vec::new();
+    };
+    let across = normal.iamax();
+    let [first, second] = [(across + 1) % 3, (across + 2) % 3];
+    corners.iter().map(|at| [at[first], at[second]]).collect()
+}
+
 /// Returns the facets of a wall that is not a plane; reports a finding if they are invalid.
 fn facets(
     case: &Case,
@@ -518,7 +534,12 @@ fn facets(
                 })
                 .collect();
             let all = (0..u32::try_from(vertices.len()).unwrap_or(u32::MAX)).collect();
-            let made = FacetSurface::new(vertices, &[all]).map_err(|e| e.to_string());
+            let made = match crossing(&in_its_plane(&vertices)) {
+                Some((k, n)) => Err(format!(
+                    "the polygon crosses or touches itself: the edge from corner {k} meets the edge from corner {n}"
+                )),
+                None => FacetSurface::new(vertices, &[all]).map_err(|e| e.to_string()),
+            };
             (
                 path,
                 made,
