@@ -527,6 +527,64 @@ mod tests {
         );
     }
 
+    /// Checks a run in which one grain leaves shortly before its end, beside runs that erode: its point has a bar that
+    /// reaches down to no erosion, the table has its error, and the law is that of the other runs.
+    #[test]
+    fn one_grain_in_a_short_time_is_no_rate() {
+        let root = tempfile::tempdir().unwrap();
+        let mut runs: Vec<PathBuf> = PRESSURES[2..]
+            .iter()
+            .map(|&pressure| write_run(root.path(), pressure, 0.506, (9e-4, 9.1), true))
+            .collect();
+        let law = |runs: &[PathBuf], output: &str| {
+            let report = run(runs, &root.path().join(output), None).unwrap();
+            match report.cohesions[0].law {
+                Some(FittedErosionLaw::Fitted(ref fit)) => (fit.critical_shear, fit.coefficient),
+                ref other => panic!("{other:?}"),
+            }
+        };
+        let alone = law(&runs, "alone");
+        let folder = write_run(root.path(), 0.05, 0.506, (9e-4, 9.1), true);
+        let file = folder.join("erosion.csv");
+        let mut rows = read_rows::<ErosionRecord>(&file, |row| row.step).unwrap();
+        // A run of a second, in whose last twentieth the only grain leaves.
+        rows.truncate(21);
+        for (n, row) in rows.iter_mut().enumerate() {
+            let left = n == 20;
+            row.eroded_grains = u64::from(left);
+            row.bonds_broken = u64::from(left);
+            row.eroded_mass = if left { GRAIN } else { 0.0 };
+            row.eroded_fraction = row.eroded_mass / INITIAL;
+        }
+        write_rows(&file, &rows).unwrap();
+        runs.push(folder);
+        let with = law(&runs, "with");
+        assert!((with.0 / alone.0 - 1.0).abs() < 0.2, "{with:?} {alone:?}");
+        assert!((with.1 / alone.1 - 1.0).abs() < 0.05, "{with:?} {alone:?}");
+        let output = root.path().join("with");
+        let report = fs::read_to_string(output.join("erosion_law.json")).unwrap();
+        let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+        let point = &report["cohesions"][0]["runs"][0]["whole"];
+        // The grain counts over the whole second, and its error is that of a count of one.
+        let rate = GRAIN / (2.0 * LENGTH * 1.0);
+        assert_eq!(point["grains"], 1, "{point}");
+        assert!(
+            (point["rate"].as_f64().unwrap() / rate - 1.0).abs() < 1e-9,
+            "{point}"
+        );
+        assert!(
+            point["rate_error"].as_f64().unwrap() >= 0.999 * rate,
+            "{point}"
+        );
+        let figure = fs::read_to_string(output.join("figure5.svg")).unwrap();
+        assert!(figure.contains("no erosion, 95 % bars"), "{figure}");
+        // The hollow point is drawn with the three segments of its bar.
+        let hollow = figure.find("fill=\"white\" stroke=").unwrap();
+        let before = &figure[..hollow];
+        let last = before.rfind("<path").max(before.rfind("<line")).unwrap();
+        assert!(hollow - last < 200, "{}", &figure[last..hollow]);
+    }
+
     #[test]
     fn a_run_without_summary_is_read_from_its_case() {
         let root = tempfile::tempdir().unwrap();

@@ -240,7 +240,7 @@ fn figure(report: &JetReport) -> Figure {
             x: PlotAxis::linear("time", "s"),
             y: PlotAxis::linear("distance from the nozzle J", "mm"),
             layers,
-            legend: Legend::BottomRight,
+            legend: Legend::Right,
             legend_title: String::new(),
         }],
     }

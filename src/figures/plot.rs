@@ -215,12 +215,8 @@ impl Layer {
 pub enum Legend {
     /// No legend.
     None,
-    /// Position to the right of the panel.
+    /// Position to the right of the panel, where no point lies.
     Right,
-    /// Position in the upper left corner.
-    TopLeft,
-    /// Position in the lower right corner.
-    BottomRight,
 }
 
 /// Two axes and their layers.
@@ -264,7 +260,7 @@ impl Figure {
     pub fn to_svg(&self) -> String {
         let side = |panel: &Panel| match panel.legend {
             Legend::Right => legend_width(panel) + 14.0,
-            _ => 0.0,
+            Legend::None => 0.0,
         };
         let width: f64 = self
             .panels
@@ -273,7 +269,7 @@ impl Figure {
             .sum();
         let beside = |panel: &Panel| match panel.legend {
             Legend::Right => TOP + legend_height(panel) + 12.0,
-            _ => 0.0,
+            Legend::None => 0.0,
         };
         let height = (self.panels.iter().map(beside)).fold(TOP + PLOT_HEIGHT + BOTTOM, f64::max);
         let mut pen = Pen::default();
@@ -767,21 +763,7 @@ impl<'a> Drawing<'a> {
             return;
         }
         let titled = !self.panel.legend_title.is_empty();
-        let (width, height) = (legend_width(self.panel), legend_height(self.panel));
-        let (left, top) = match self.panel.legend {
-            Legend::Right => (self.left + PLOT_WIDTH + 14.0, TOP),
-            Legend::BottomRight => (
-                self.left + PLOT_WIDTH - width - 8.0,
-                TOP + PLOT_HEIGHT - height - 8.0,
-            ),
-            Legend::TopLeft | Legend::None => (self.left + 10.0, TOP + 4.0),
-        };
-        if self.panel.legend != Legend::Right {
-            pen.put(format_args!(
-                "<rect x=\"{left:.2}\" y=\"{top:.2}\" width=\"{width:.2}\" height=\"{height:.2}\" fill=\"white\" \
-                 fill-opacity=\"0.85\"/>"
-            ));
-        }
+        let (left, top) = (self.left + PLOT_WIDTH + 14.0, TOP);
         let mut y = top + 0.5 * LINE + 5.0;
         if titled {
             pen.words(left + 6.0, y + 4.5, "start", "", &self.panel.legend_title);
@@ -954,7 +936,7 @@ mod tests {
             x: PlotAxis::log("x", ""),
             y: PlotAxis::linear("y", ""),
             layers,
-            legend: Legend::TopLeft,
+            legend: Legend::Right,
             legend_title: String::new(),
         };
         let odd = Layer::new(

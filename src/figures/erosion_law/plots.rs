@@ -128,7 +128,7 @@ pub(super) fn rate(cohesion: &CohesionReport) -> Figure {
             let _ = write!(title, ", R^{{2}} = {:.3}", fit.r_squared);
         }
     }
-    for (eroding, label) in [(false, "no erosion"), (true, "runs, 95 % bars")] {
+    for (eroding, label) in [(false, "no erosion, 95 % bars"), (true, "runs, 95 % bars")] {
         let marks: Vec<Mark> = cohesion
             .runs
             .iter()
@@ -138,7 +138,8 @@ pub(super) fn rate(cohesion: &CohesionReport) -> Figure {
                 x: w.shear,
                 y: w.rate,
                 x_bar: None,
-                y_bar: eroding.then(|| {
+                // One or two loose grains give a rate as well, which is as uncertain as its bar.
+                y_bar: (eroding || w.rate > 0.0).then(|| {
                     (
                         (w.rate - 1.96 * w.rate_error).max(0.0),
                         w.rate + 1.96 * w.rate_error,
