@@ -55,6 +55,17 @@ impl FileInfo {
         attributes.iter().find(|a| a.0 == name).map(|a| &a.1)
     }
 
+    /// Returns the names of the columns of cells and points; of a file without a mesh or an image, of all datasets.
+    pub fn columns(&self) -> impl Iterator<Item = &str> {
+        let of_mesh = |dataset: &&DatasetInfo| {
+            let parts = ["/VTKHDF/CellData/", "/VTKHDF/PointData/"];
+            parts.iter().any(|part| dataset.path.starts_with(part))
+        };
+        let mesh = self.groups.iter().any(|group| group.0 == "/VTKHDF");
+        let columns = self.datasets.iter().filter(move |d| !mesh || of_mesh(d));
+        columns.map(DatasetInfo::name)
+    }
+
     /// Returns a dataset by its path.
     #[must_use]
     pub fn dataset(&self, path: &str) -> Option<&DatasetInfo> {
@@ -256,7 +267,7 @@ pub fn find_column(info: &FileInfo, path: &Path, name: &str) -> Result<DatasetIn
         .find_map(|place| info.dataset(place))
         .cloned()
         .ok_or_else(|| {
-            let names: Vec<&str> = info.datasets.iter().map(DatasetInfo::name).collect();
+            let names: Vec<&str> = info.columns().collect();
             Error::invalid(
                 &path.display().to_string(),
                 format!("has no column {name}; its columns are {}", names.join(", ")),

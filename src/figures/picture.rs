@@ -44,9 +44,9 @@ pub struct PictureOptions {
     /// A time [s], the nearest output of it; may be given several times [default: four over the run].
     #[arg(long = "time", value_name = "SECONDS", value_parser = finite)]
     pub times: Vec<f64>,
-    /// Field of the water.
-    #[arg(long, default_value = "velocity")]
-    pub field: String,
+    /// Field of the water [default: velocity; without it pressure, head, saturation or another field that is written].
+    #[arg(long)]
+    pub field: Option<String>,
     /// Column that colours grains and blocks [default: none in the plane and with contacts, velocity in space].
     #[arg(long, value_name = "COLUMN")]
     pub colour: Option<String>,
@@ -153,7 +153,8 @@ const PAPER: [f64; 3] = [255.0, 255.0, 255.0];
 /// Draws a run and returns a line with the path of the picture. Runs on one process.
 ///
 /// # Errors
-/// If the run has no output to draw, lacks the column, or the picture cannot be written, [`Error::Io`].
+/// If the run has no output to draw or the picture cannot be written, [`Error::Io`]; if the run lacks a column that the
+/// request names, [`Error::Usage`].
 pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
     let usual = run.join("picture.svg");
     let output = request.output.clone().unwrap_or_else(|| usual.clone());
@@ -191,26 +192,31 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
             .unwrap_or_default(),
     );
     let mut scenes = Vec::new();
+    // Only outputs of the same step are used: older ones would show earlier positions.
+    let file_at = |series: &Option<Series>, step: u64| {
+        let series = series.as_ref()?;
+        let known = series.moments().any(|m| m.step == step);
+        known.then(|| series.data_path(step))
+    };
+    let first = |series: &Option<Series>| chosen.iter().find_map(|m| file_at(series, m.step));
+    let field = first(&fluid).map(|path| field_of_water(&path, request));
+    let field = field.transpose()?.flatten();
+    let (colour, arrows) = (request.colour.as_deref(), request.arrows.as_deref());
+    check_columns(first(&grains), [("--colour", colour), ("--arrows", arrows)])?;
+    check_columns(first(&blocks), [("--colour", colour)])?;
     for moment in &chosen {
-        // Only outputs of the same step are used: older ones would show earlier positions.
-        let file = |series: &Option<Series>| {
-            let series = series.as_ref()?;
-            let known = series.moments().any(|m| m.step == moment.step);
-            known.then(|| series.data_path(moment.step))
-        };
-        let colour = request.colour.as_deref();
+        let file = |series: &Option<Series>| file_at(series, moment.step);
         let faces = file(&blocks)
             .map(|path| Faces::read(&path, colour.unwrap_or("velocity")))
             .transpose()?;
         let shaped = faces.as_ref().map(|faces| faces.ids.clone());
         let scene = Scene {
             time: moment.time,
-            water: file(&fluid)
-                .map(|path| Water::read(&path, &request.field, request.streamlines))
+            water: (file(&fluid).zip(field.as_deref()))
+                .map(|(path, field)| Water::read(&path, field, request.streamlines))
                 .transpose()?,
             grains: file(&grains)
                 .map(|path| {
-                    let arrows = request.arrows.as_deref();
                     // Lines of contacts are visible on grains of one light colour.
                     let colour = match (colour, request.contacts) {
                         (Some(column), _) => Some(Some(column)),
@@ -236,12 +242,83 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
         };
         scenes.push(scene.cut(request.section));
     }
-    let text = draw(&scenes, request)?;
+    let text = draw(&scenes, field.as_deref().unwrap_or_default(), request)?;
     io::atomic::write(&output, text.as_bytes()).map_err(|e| Error::Io(e.to_string()))?;
     Ok(format!("wrote {}", output.display()))
 }
 
 fn failed(path: &Path, reason: impl std::fmt::Display) -> Error {
+/// Fields of the water that a picture shows without a request, the first that is written.
+const FIELDS: [&str; 7] = [
+    "velocity",
+    "pressure",
+    "head",
+    "saturation",
+    "fill",
+    "density",
+    "stream_function",
+];
+
+/// Returns the field of the water that the request names, or the first of [`FIELDS`] in a file, or another one; `None`
+/// if the file has no field.
+fn field_of_water(path: &Path, request: &PictureOptions) -> Result<Option<String>, Error> {
+    let names = names_of_columns(path)?;
+    if request.streamlines {
+        asked(path, "--streamlines", "velocity", &names)?;
+    }
+    if let Some(field) = &request.field {
+        asked(path, &format!("--field {field}"), field, &names)?;
+        return Ok(Some(field.clone()));
+    }
+    let usual = FIELDS.into_iter().find(|field| names.contains(*field));
+    let field = usual.or_else(|| {
+        names
+            .iter()
+            .find(|name| *name != "solid")
+            .map(String::as_str)
+    });
+    let field = field.or_else(|| names.first().map(String::as_str));
+    Ok(field.map(str::to_owned))
+}
+
+/// Refuses options that name a column which a file does not have.
+fn check_columns<'a>(
+    file: Option<PathBuf>,
+    options: impl IntoIterator<Item = (&'a str, Option<&'a str>)>,
+) -> Result<(), Error> {
+    let named = options
+        .into_iter()
+        .filter_map(|(option, column)| Some((option, column?)));
+    for (option, column) in named {
+        if let Some(path) = &file {
+            let option = format!("{option} {column}");
+            asked(path, &option, column, &names_of_columns(path)?)?;
+        }
+    }
+    Ok(())
+}
+
+/// Returns the names of the columns of a file.
+fn names_of_columns(path: &Path) -> Result<BTreeSet<String>, Error> {
+    let info = io::fields::inspect(path).map_err(|e| Error::Io(e.to_string()))?;
+    Ok(info.columns().map(str::to_owned).collect())
+}
+
+/// Refuses an option whose column a file does not have.
+fn asked(path: &Path, option: &str, column: &str, names: &BTreeSet<String>) -> Result<(), Error> {
+    // The positions of grains are the points of their file.
+    if names.contains(column) || column == "position" || column.starts_with('/') {
+        return Ok(());
+    }
+    let there: Vec<&str> = names.iter().map(String::as_str).collect();
+    Err(Error::Usage(format!(
+        "{option}: {} has no {column}; it has {}. Name one of these, or add {column} to the outputs of the case and run \
+         it again",
+        path.display(),
+        there.join(", ")
+    )))
+}
+
     Error::Io(format!("{}: {reason}", path.display()))
 }
 
@@ -516,7 +593,7 @@ fn round_length(length: f64) -> f64 {
         }
 }
 
-fn draw(scenes: &[Scene], request: &PictureOptions) -> Result<String, Error> {
+fn draw(scenes: &[Scene], field: &str, request: &PictureOptions) -> Result<String, Error> {
     let mut frame = Frame::new(scenes, request.view);
     if let Some([left, bottom, right, top]) = request.crop {
         (frame.low, frame.high) = ([left, bottom], [right, top]);
@@ -550,7 +627,7 @@ fn draw(scenes: &[Scene], request: &PictureOptions) -> Result<String, Error> {
         real(GAP) + length / first.raster.pixel,
         foot + 20
     );
-    scales.write_bars(&mut svg, scenes, &request.field, [sheet.bars, foot]);
+    scales.write_bars(&mut svg, scenes, field, [sheet.bars, foot]);
     if !key.is_empty() {
         let y = sheet.size[1] - 8;
         let _ = writeln!(
