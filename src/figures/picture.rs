@@ -2,8 +2,8 @@
 //! `solver picture`.
 //!
 //! In 2-D the fluid speed (or another field) is drawn behind the grains. In 3-D grains and blocks are drawn from one
-//! side in parallel projection, lit from the upper left, or a section is drawn, which shows the fluid and the outlines
-//! of blocks, structures and walls as well. All panels share one colour scale. The raster is a PNG inside the SVG; text
+//! side in parallel projection, lit from the upper left, with translucent walls, or a section is drawn, which shows the
+//! fluid and the outlines of blocks, structures and walls as well. All panels share one colour scale. The raster is a PNG inside the SVG; text
 //! and streamlines are vector graphics.
 
 mod colours;
@@ -14,6 +14,7 @@ mod overlays;
 mod raster;
 mod section;
 mod streamlines;
+mod walls;
 
 use base::error::Error;
 use base::number::{real, whole};
@@ -191,7 +192,6 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
             .map(|_| Ground::read(run))
             .unwrap_or_default(),
     );
-    let mut scenes = Vec::new();
     // Only outputs of the same step are used: older ones would show earlier positions.
     let file_at = |series: &Option<Series>, step: u64| {
         let series = series.as_ref()?;
@@ -204,6 +204,7 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
     let (colour, arrows) = (request.colour.as_deref(), request.arrows.as_deref());
     check_columns(first(&grains), [("--colour", colour), ("--arrows", arrows)])?;
     check_columns(first(&blocks), [("--colour", colour)])?;
+    let mut scenes = Vec::new();
     for moment in &chosen {
         let file = |series: &Option<Series>| file_at(series, moment.step);
         let faces = file(&blocks)
@@ -247,7 +248,6 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
     Ok(format!("wrote {}", output.display()))
 }
 
-fn failed(path: &Path, reason: impl std::fmt::Display) -> Error {
 /// Fields of the water that a picture shows without a request, the first that is written.
 const FIELDS: [&str; 7] = [
     "velocity",
@@ -319,6 +319,7 @@ fn asked(path: &Path, option: &str, column: &str, names: &BTreeSet<String>) -> R
     )))
 }
 
+fn failed(path: &Path, reason: impl std::fmt::Display) -> Error {
     Error::Io(format!("{}: {reason}", path.display()))
 }
 
@@ -357,7 +358,7 @@ struct Scene {
     ground: Rc<Ground>,
     /// Surfaces of stationary structures.
     structures: Option<Rc<Faces>>,
-    /// Walls of triangles, which a section shows.
+    /// Walls at this time.
     walls: Option<Faces>,
     /// Outlines of the solids intersected by a section.
     cuts: Option<Cuts>,
@@ -387,7 +388,7 @@ impl Scene {
             self.walls.as_ref(),
         ];
         self.cuts = Some(Cuts::new(section, solids));
-        (self.faces, self.structures) = (None, None);
+        (self.faces, self.structures, self.walls) = (None, None, None);
         self
     }
 }
@@ -794,6 +795,9 @@ impl Panel {
             faces.paint(&mut raster, frame, |v| {
                 grain_colour(fraction_of_range(v, scale))
             });
+        }
+        if let Some(walls) = &scene.walls {
+            walls::paint(walls, &mut raster, frame);
         }
         let flat = scene.water.as_ref().filter(|w| w.cells[2] == 1);
         let lines = flat.filter(|w| w.flow.is_some()).map(|water| {

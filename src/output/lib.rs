@@ -14,7 +14,7 @@
 //! | `grains`, `contacts`, `blocks`, `order` | grains, contacts and faces of blocks, in an order independent of the
 //! ranks |
 //! | `structures` | stationary surfaces, written once |
-//! | `walls` | walls of facets at time 0, written once |
+//! | `walls` | walls at time 0, written once |
 //! | `probes` | values over time |
 //! | `info` | description of a file or folder |
 //!

@@ -759,6 +759,87 @@ fn links_in_the_folder_of_a_run_are_not_followed() {
     }
 }
 
+/// Checks that a picture shows a field that the run wrote where the velocity is not among its outputs, and that a
+/// request for an absent field or column lists those that are there.
+#[test]
+fn a_picture_shows_a_field_that_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |name: &str, end: &str, output: &str| {
+        let case = folder.path().join(format!("{name}.json"));
+        std::fs::write(&case, example(name).to_string()).unwrap();
+        let run = folder.path().join(name);
+        let words = [
+            case.to_str().unwrap(),
+            "--output",
+            run.to_str().unwrap(),
+            "--set",
+            &format!("time.end={end}"),
+            "--set",
+            &format!("output={output}"),
+        ];
+        ends(&words, 0, "");
+        run
+    };
+    let flow = r#"{"fluid": {"every": 1, "fields": ["density", "pressure"]}}"#;
+    let (flow, grains) = (
+        run("couette", "0.01", flow),
+        run("collision", "0.002", r#"{"grains": {"every": 1}}"#),
+    );
+    ends(&["picture", flow.to_str().unwrap()], 0, "");
+    let text = std::fs::read_to_string(flow.join("picture.svg")).unwrap();
+    assert!(text.contains(">pressure ["), "{text}");
+    for (run, option, column, there) in [
+        (&flow, "--field", "velocity", "it has density, pressure"),
+        (&grains, "--colour", "temperature", "radius"),
+        (&grains, "--arrows", "displacement", "radius"),
+    ] {
+        let done = solver(&["picture", run.to_str().unwrap(), option, column]);
+        let told = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert_eq!(done.status.code(), Some(2), "{told}");
+        let starts = format!("{option} {column}: ");
+        assert!(told.contains(&starts) && told.contains(there), "{told}");
+        assert!(!told.contains("Connectivity"), "{told}");
+    }
+    ends(
+        &["picture", flow.to_str().unwrap(), "--streamlines"],
+        2,
+        "has no velocity",
+    );
+}
+
+/// Checks that the walls of a run in space are written as surfaces: two polygons, and two planes on faces of the domain
+/// as rectangles of its size, but not the floor, which exists only while the sample is prepared.
+#[test]
+fn planes_are_written_where_they_bound_the_domain() {
+    let folder = tempfile::tempdir().unwrap();
+    let case = folder.path().join("case.json");
+    std::fs::write(&case, example("deposition").to_string()).unwrap();
+    let run = folder.path().join("run");
+    let words = [
+        case.to_str().unwrap(),
+        "--output",
+        run.to_str().unwrap(),
+        "--set",
+        "time.end=1e-5",
+    ];
+    ends(&words, 0, "");
+    let file = run.join("walls_000000000.vtkhdf");
+    let column = |name: &str| io::fields::read_column(&file, name).unwrap().values;
+    assert_eq!(column("wall"), [0.0, 1.0, 3.0, 4.0]);
+    assert!(column("until").iter().all(|until| *until == f64::INFINITY));
+    let points = column("position");
+    for (points, y) in points[24..].chunks(12).zip([0.0, 0.02]) {
+        for corner in points.chunks(3) {
+            let on_edge = |x: f64, end: f64| x.abs() < 1e-12 || (x - end).abs() < 1e-12;
+            let [x, at, z] = [corner[0], corner[1], corner[2]];
+            assert!(
+                (at - y).abs() < 1e-12 && on_edge(x, 0.024) && on_edge(z, 0.06),
+                "{corner:?}"
+            );
+        }
+    }
+}
+
 /// Checks that a picture replaces pictures, and other plain files only on request.
 #[test]
 fn a_picture_replaces_no_other_file() {

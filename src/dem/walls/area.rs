@@ -40,9 +40,21 @@ impl PlaneArea {
     pub fn within(
         &mut self,
         plane: &HalfSpace,
-        [lower, upper]: [Vector3<f64>; 2],
+        corners: [Vector3<f64>; 2],
         others: impl Iterator<Item = HalfSpace>,
     ) -> f64 {
+        self.part(plane, corners, others);
+        self.area()
+    }
+
+    /// Returns the corners of the part of `plane` within the box from `lower` to `upper` \[m\] and in front of
+    /// `others`, counter-clockwise seen against the normal; planes parallel to it do not cut it.
+    pub fn part(
+        &mut self,
+        plane: &HalfSpace,
+        [lower, upper]: [Vector3<f64>; 2],
+        others: impl Iterator<Item = HalfSpace>,
+    ) -> &[Vector3<f64>] {
         let reach = 2.0 * (upper - lower).norm();
         let middle = 0.5 * (lower + upper);
         let centre = middle - plane.normal * plane.height(&middle);
@@ -65,7 +77,7 @@ impl PlaneArea {
         for other in others {
             self.keep(plane, &other);
         }
-        self.area()
+        &self.polygon
     }
 
     /// Returns the area \[m²\] of plane wall number `wall` of `walls` in a box from `lower` to `upper` \[m\].

@@ -51,7 +51,7 @@ impl Faces {
         })
     }
 
-    /// Reads walls with their positions at a time: each face moves with its velocity.
+    /// Reads the walls that exist at a time, with their positions: each face moves with its velocity.
     pub(super) fn walls(path: &Path, time: f64) -> Result<Self, Error> {
         let mut walls = Self::read(path, "wall")?;
         let read = read_column(path, "velocity").map_err(|e| Error::Io(e.to_string()))?;
@@ -62,7 +62,39 @@ impl Faces {
                 moved.for_each(|(x, v)| *x += v * time);
             }
         }
+        // Runs of earlier versions have no times of walls.
+        let times = |name: &str| read_column(path, name).map(|column| column.values);
+        if let (Ok(from), Ok(until)) = (times("from"), times("until")) {
+            let exists = |k: usize| {
+                from.get(k).is_none_or(|from| time >= *from)
+                    && until.get(k).is_none_or(|until| time < *until)
+            };
+            let kept = (0..walls.corners.len()).filter(|&k| exists(k));
+            let kept: Vec<usize> = kept.collect();
+            walls.values = kept.iter().map(|&k| walls.values[k]).collect();
+            walls.corners = kept.iter().map(|&k| walls.corners[k].clone()).collect();
+        }
         Ok(walls)
+    }
+
+    /// Returns faces with these corners, without values.
+    #[cfg(test)]
+    pub(super) fn of(faces: &[Vec<[f64; 3]>]) -> Self {
+        let mut points = Vec::new();
+        let corners = faces.iter().map(|face| {
+            let first = points.len();
+            points.extend(face);
+            (first..points.len()).collect()
+        });
+        let corners: Vec<Vec<usize>> = corners.collect();
+        Self {
+            values: vec![0.0; corners.len()],
+            quantity: "wall".into(),
+            units: "-".into(),
+            ids: BTreeSet::new(),
+            points,
+            corners,
+        }
     }
 
     /// Returns the corners of each face.
@@ -121,10 +153,32 @@ fn twice_area(corners: &[[f64; 3]]) -> [f64; 3] {
 impl Raster {
     /// Draws a convex polygon, darker within a pixel of its edges; nothing if its back is towards the viewer.
     fn face(&mut self, frame: &Frame, corners: &[[f64; 3]], colour: [f64; 3]) {
-        let area = twice_area(corners);
-        let size = dot(area, area).sqrt();
-        let normal = [frame.right, frame.up, frame.near].map(|axis| dot(area, axis) / size);
-        if !(size > 0.0 && normal[2] > 1e-6) {
+        self.face_pixels(frame, corners, |raster, pixel| {
+            let n = pixel.place;
+            if pixel.depth > raster.depth[n] {
+                raster.depth[n] = pixel.depth;
+                let edge = if pixel.inside < raster.pixel {
+                    0.6
+                } else {
+                    1.0
+                };
+                raster.colours[n] = colour.map(|c| c * pixel.light * edge);
+            }
+        });
+    }
+
+    /// Calls `visit` with each pixel of a convex polygon; with none if its back is towards the viewer.
+    pub(super) fn face_pixels(
+        &mut self,
+        frame: &Frame,
+        corners: &[[f64; 3]],
+        mut visit: impl FnMut(&mut Self, &FacePixel),
+    ) {
+        let Some(normal) = unit_normal(corners) else {
+            return;
+        };
+        let normal = [frame.right, frame.up, frame.near].map(|axis| dot(normal, axis));
+        if normal[2] <= 1e-6 {
             return;
         }
         let light = 0.35 + 0.65 * dot(normal, [-0.4, 0.5, 0.768]).max(0.0);
@@ -154,17 +208,41 @@ impl Raster {
                     continue;
                 }
                 let [x, y] = [here[0] - at[0][0], here[1] - at[0][1]];
-                let depth = away - (normal[0] * x + normal[1] * y) / normal[2];
-                let n = row * self.width + column;
-                if depth <= self.depth[n] {
-                    continue;
-                }
-                self.depth[n] = depth;
-                let edge = if inside < self.pixel { 0.6 } else { 1.0 };
-                self.colours[n] = colour.map(|c| c * light * edge);
+                let pixel = FacePixel {
+                    place: row * self.width + column,
+                    depth: away - (normal[0] * x + normal[1] * y) / normal[2],
+                    inside,
+                    light,
+                };
+                visit(self, &pixel);
             }
         }
     }
+
+    /// Mixes a colour into a pixel; `part` is its opacity.
+    pub(super) fn blend(&mut self, place: usize, colour: [f64; 3], part: f64) {
+        let below = &mut self.colours[place];
+        *below = std::array::from_fn(|c| below[c] + part * (colour[c] - below[c]));
+    }
+}
+
+/// Pixel of a face.
+pub(super) struct FacePixel {
+    /// Index of the pixel in the raster.
+    pub(super) place: usize,
+    /// Coordinate of the face towards the viewer \[m\].
+    pub(super) depth: f64,
+    /// Distance from the nearest edge in the frame \[m\]; negative outside.
+    pub(super) inside: f64,
+    /// Brightness of the face.
+    pub(super) light: f64,
+}
+
+/// Returns the unit normal of a polygon, towards a viewer who sees it counter-clockwise; `None` without an area.
+pub(super) fn unit_normal(corners: &[[f64; 3]]) -> Option<[f64; 3]> {
+    let area = twice_area(corners);
+    let size = dot(area, area).sqrt();
+    (size > 0.0 && size.is_finite()).then(|| area.map(|a| a / size))
 }
 
 /// Returns the distance of a point inside a counter-clockwise polygon from its edges; negative outside.

@@ -1,5 +1,6 @@
 //! Frame of a panel and its pixels.
 
+use super::faces::Faces;
 use super::{PAPER, Scene, ViewDirection, Water, fraction_of_range, water_colour};
 use base::error::Error;
 use base::number::{real, whole};
@@ -22,6 +23,7 @@ impl Frame {
     pub(super) fn new(scenes: &[Scene], view: ViewDirection) -> Self {
         let flat = scenes.iter().all(|scene| {
             scene.faces.is_none()
+                && scene.walls.is_none()
                 && scene.grains.as_ref().is_none_or(|g| g.flat)
                 && scene.water.as_ref().is_none_or(|w| w.cells[2] == 1)
         });
@@ -69,6 +71,9 @@ impl Frame {
                 cuts.extend_frame(&mut frame);
             }
             for &p in scene.faces.iter().flat_map(|faces| &faces.points) {
+                frame.include(p, 0.0);
+            }
+            for p in scene.walls.iter().flat_map(Faces::outlines).flatten() {
                 frame.include(p, 0.0);
             }
         }
