@@ -527,8 +527,8 @@ mod tests {
         );
     }
 
-    /// Checks a run in which one grain leaves shortly before its end, beside runs that erode: its point has a bar that
-    /// reaches down to no erosion, the table has its error, and the law is that of the other runs.
+    /// Checks a run in which one grain leaves shortly before its end, among runs that erode: its point has a bar, the
+    /// report has its error, and the law is that of the other runs.
     #[test]
     fn one_grain_in_a_short_time_is_no_rate() {
         let root = tempfile::tempdir().unwrap();

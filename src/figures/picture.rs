@@ -3,10 +3,11 @@
 //!
 //! In 2-D the fluid speed (or another field) is drawn behind the grains. In 3-D grains and blocks are drawn from one
 //! side in parallel projection, lit from the upper left, with translucent walls, or a section is drawn, which shows the
-//! fluid and the outlines of blocks, structures and walls as well. All panels share one colour scale. The raster is a PNG inside the SVG; text
-//! and streamlines are vector graphics.
+//! fluid and the outlines of blocks, structures and walls as well. All panels share one colour scale. The raster is a
+//! PNG inside the SVG; text and streamlines are vector graphics.
 
 mod colours;
+mod columns;
 mod cuts;
 mod faces;
 mod flow_net;
@@ -21,6 +22,7 @@ use base::number::{real, whole};
 use base64::Engine as _;
 use clap::{Args, ValueEnum};
 use colours::{grain_colour, water_colour};
+use columns::{check_columns, field_of_water};
 use cuts::Cuts;
 use faces::{Faces, id_of};
 use flow_net::{FlowNet, Ground};
@@ -246,77 +248,6 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
     let text = draw(&scenes, field.as_deref().unwrap_or_default(), request)?;
     io::atomic::write(&output, text.as_bytes()).map_err(|e| Error::Io(e.to_string()))?;
     Ok(format!("wrote {}", output.display()))
-}
-
-/// Fields of the water that a picture shows without a request, the first that is written.
-const FIELDS: [&str; 7] = [
-    "velocity",
-    "pressure",
-    "head",
-    "saturation",
-    "fill",
-    "density",
-    "stream_function",
-];
-
-/// Returns the field of the water that the request names, or the first of [`FIELDS`] in a file, or another one; `None`
-/// if the file has no field.
-fn field_of_water(path: &Path, request: &PictureOptions) -> Result<Option<String>, Error> {
-    let names = names_of_columns(path)?;
-    if request.streamlines {
-        asked(path, "--streamlines", "velocity", &names)?;
-    }
-    if let Some(field) = &request.field {
-        asked(path, &format!("--field {field}"), field, &names)?;
-        return Ok(Some(field.clone()));
-    }
-    let usual = FIELDS.into_iter().find(|field| names.contains(*field));
-    let field = usual.or_else(|| {
-        names
-            .iter()
-            .find(|name| *name != "solid")
-            .map(String::as_str)
-    });
-    let field = field.or_else(|| names.first().map(String::as_str));
-    Ok(field.map(str::to_owned))
-}
-
-/// Refuses options that name a column which a file does not have.
-fn check_columns<'a>(
-    file: Option<PathBuf>,
-    options: impl IntoIterator<Item = (&'a str, Option<&'a str>)>,
-) -> Result<(), Error> {
-    let named = options
-        .into_iter()
-        .filter_map(|(option, column)| Some((option, column?)));
-    for (option, column) in named {
-        if let Some(path) = &file {
-            let option = format!("{option} {column}");
-            asked(path, &option, column, &names_of_columns(path)?)?;
-        }
-    }
-    Ok(())
-}
-
-/// Returns the names of the columns of a file.
-fn names_of_columns(path: &Path) -> Result<BTreeSet<String>, Error> {
-    let info = io::fields::inspect(path).map_err(|e| Error::Io(e.to_string()))?;
-    Ok(info.columns().map(str::to_owned).collect())
-}
-
-/// Refuses an option whose column a file does not have.
-fn asked(path: &Path, option: &str, column: &str, names: &BTreeSet<String>) -> Result<(), Error> {
-    // The positions of grains are the points of their file.
-    if names.contains(column) || column == "position" || column.starts_with('/') {
-        return Ok(());
-    }
-    let there: Vec<&str> = names.iter().map(String::as_str).collect();
-    Err(Error::Usage(format!(
-        "{option}: {} has no {column}; it has {}. Name one of these, or add {column} to the outputs of the case and run \
-         it again",
-        path.display(),
-        there.join(", ")
-    )))
 }
 
 fn failed(path: &Path, reason: impl std::fmt::Display) -> Error {

@@ -79,7 +79,7 @@ impl Faces {
 
     /// Returns faces with these corners, without values.
     #[cfg(test)]
-    pub(super) fn of(faces: &[Vec<[f64; 3]>]) -> Self {
+    pub(super) fn from_corners(faces: &[Vec<[f64; 3]>]) -> Self {
         let mut points = Vec::new();
         let corners = faces.iter().map(|face| {
             let first = points.len();

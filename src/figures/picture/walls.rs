@@ -141,7 +141,7 @@ mod tests {
         };
         Scene {
             grains: Some(grains),
-            walls: Some(Faces::of(&walls)),
+            walls: Some(Faces::from_corners(&walls)),
             ..Scene::default()
         }
     }
@@ -153,8 +153,8 @@ mod tests {
         (frame, panel.raster)
     }
 
-    /// Checks a ball of radius 1 above and below a square plate of 10 m: the frame contains the plate, the plate and its
-    /// border are visible beside the ball, its diagonal is not, and the ball is visible in both cases.
+    /// Checks a ball of radius 1 above and below a square plate of 10 m: the frame contains the plate, the plate and
+    /// its border are visible next to the ball, its diagonal is not, and the ball is visible in both cases.
     #[test]
     fn walls_in_space_are_drawn_and_hide_no_grain() {
         let plate = rectangle([[-5.0; 2], [5.0; 2]], 0.0);

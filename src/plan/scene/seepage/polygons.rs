@@ -178,8 +178,8 @@ mod tests {
         }
     }
 
-    /// Checks a wall in the shape of a five-pointed star drawn in one stroke, whose corners all turn to the same side, and
-    /// a regular pentagon.
+    /// Checks a wall in the shape of a five-pointed star drawn in one stroke, whose corners all turn to the same side,
+    /// and a regular pentagon.
     #[test]
     fn a_wall_that_crosses_itself_is_refused() {
         for (stride, refused) in [(2, true), (1, false)] {
