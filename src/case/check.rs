@@ -10,10 +10,12 @@ pub use nearest::nearest;
 
 use super::text::{MAX_PROBLEMS, brief, join, unlisted};
 use base::error::{Problem, Remedy, Severity};
+use base::number::{floor_i64, real};
 use controls::control_characters;
 use nearest::{choose, clipped, nearest_remedy, nearest_word};
 use schemars::generate::SchemaSettings;
 use schemars::{JsonSchema, SchemaGenerator};
+use serde::de::{Deserialize, Deserializer, Error};
 use serde_json::{Map, Value};
 use std::sync::OnceLock;
 use template::Template;
@@ -184,13 +186,23 @@ impl<'a> Walk<'a> {
                 path,
                 value,
                 format!("this is {}, but {wanted} is needed", kind(value)),
-                format!("write {wanted}{}", summary_in_brackets(schema)),
+                format!("write {wanted}{near}{}", summary_in_brackets(schema)),
             );
         }
         match value {
             Value::Object(map) => self.object(map, schema, path),
+        if wants_whole(schema) && self.whole_number(value, path) {
+            return;
+        }
             Value::Array(list) => self.array(list, schema, path),
             Value::Number(_) => self.range(value, schema, path),
+            // Whole numbers on both sides of a fraction.
+            let near = value
+                .as_f64()
+                .filter(|_| wants_whole(schema))
+                .map_or_else(String::new, |x| {
+                    format!(", such as {} or {}", x.floor(), x.ceil())
+                });
             Value::String(text) => {
                 let choices = allowed_words(schema);
                 if !choices.is_empty() && !choices.contains(&text.as_str()) {
@@ -231,8 +243,55 @@ impl<'a> Walk<'a> {
             .collect();
         self.rename(map, &known, path);
         let open = (schema.get("additionalProperties"))
+    /// Replaces a number such as 40.0 or 4e1 by the whole number that it is. Reports one that f64 does not hold
+    /// exactly, and returns `true` for it.
+    fn whole_number(&mut self, value: &mut Value, path: &str) -> bool {
+        let number = value
+            .as_f64()
+            .filter(|x| value.is_f64() && x.fract() == 0.0);
+        let Some(number) = number else {
+            return false;
+        };
+        match whole_value(number) {
+            Some(whole) => *value = whole,
+            None => self.report(
+                path,
+                value,
+                "this number is too large for a whole number".into(),
+                format!("write a whole number of at most {LARGEST_WHOLE} in magnitude"),
+            ),
+        }
+        value.is_f64()
+    }
+
+    /// Reports a field that is null. An optional one counts as left out.
+    fn null_field(&mut self, path: &str, schema: &Value, required: bool) {
+        if self.only_counted() {
+            return;
+        }
+        let help = summary_in_brackets(schema);
+        self.problems.push(if required {
+            Problem::error(
+                path,
+                "null",
+                "this field is null, but it is required",
+                format!("give it a value{help}"),
+            )
+        } else {
+            Problem {
+                path: path.into(),
+                value: "null".into(),
+                reason: "this field is null, which counts as left out".into(),
+                remedy: Remedy::take_out(format!("leave it out, or give it a value{help}"), path),
+                severity: Severity::Warning,
+            }
+        });
+    }
+
             .filter(|s| s.is_object() || s.as_bool() == Some(true));
-        let mut unknown = Vec::new();
+        let (mut unknown, mut null) = (Vec::new(), Vec::new());
+        let required = schema.get("required").and_then(Value::as_array);
+        let required = required.into_iter().flatten().filter_map(Value::as_str);
         for (key, child) in map.iter_mut() {
             let child_path = join(path, &clipped(key));
             if let Some(child_schema) = properties.and_then(|p| p.get(key)) {
@@ -246,15 +305,21 @@ impl<'a> Walk<'a> {
                     continue;
                 }
                 let (reason, remedy) = not_known("field", key, &known);
+                if child.is_null() {
+                    let needed = required.clone().any(|name| name == key);
+                    self.null_field(&child_path, child_schema, needed);
+                    null.push(key.clone());
+                    continue;
+                }
                 self.report(&child_path, child, reason, remedy);
             }
         }
-        for key in unknown {
-            map.remove(&key);
+        for key in unknown.iter().chain(&null) {
+            map.remove(key);
         }
-        let required = schema.get("required").and_then(Value::as_array);
-        for key in required.into_iter().flatten().filter_map(Value::as_str) {
-            if !map.contains_key(key) && !self.only_counted() {
+        for key in required {
+            let absent = !map.contains_key(key) && !null.iter().any(|name| name == key);
+            if absent && !self.only_counted() {
                 let property = properties.and_then(|p| p.get(key));
                 let help = property.map(summary_in_brackets).unwrap_or_default();
                 self.problems.push(Problem::error(
@@ -463,7 +528,11 @@ impl<'a> Walk<'a> {
             };
             let mut copy = value.clone();
             attempt.node(&mut copy, option, path);
-            if attempt.problems.is_empty() {
+            let refuses = |problem: &Problem| problem.severity == Severity::Error;
+            if !attempt.problems.iter().any(refuses) {
+                self.problems.extend(attempt.problems);
+                self.more += attempt.more;
+                *value = copy;
                 return;
             }
             let own = (resolved.get("oneOf").is_some() && value.is_object())
@@ -508,10 +577,60 @@ fn allowed_words(schema: &Value) -> Vec<&str> {
 }
 
 fn kind(value: &Value) -> &'static str {
+/// Returns `true` if a schema allows whole numbers and no others.
+fn wants_whole(schema: &Value) -> bool {
+    match schema.get("type") {
+        Some(Value::Array(types)) => {
+            types.iter().any(|t| t == "integer") && !types.iter().any(|t| t == "number")
+        }
+        single => single.is_some_and(|t| t == "integer"),
+    }
+}
+
+/// Largest whole number up to which f64 holds each one: 2^53.
+const LARGEST_WHOLE: u64 = 1 << 53;
+
+/// Returns a number without a fraction as a whole number of JSON; `None` beyond [`LARGEST_WHOLE`].
+fn whole_value(number: f64) -> Option<Value> {
+    // 2^53 itself is the nearest number of 2^53 + 1 as well.
+    (number.abs() < real(LARGEST_WHOLE)).then(|| floor_i64(number).into())
+}
+
+/// Reads a whole number of a document that is not read from its checked tree; it may have a point or an exponent.
+///
+/// # Errors
+/// If the value is not a whole number of the type.
+pub fn whole<'de, D: Deserializer<'de>, T: TryFrom<u64>>(reader: D) -> Result<T, D::Error> {
+    let value = Value::deserialize(reader)?;
+    let number = value
+        .as_u64()
+        .or_else(|| whole_value(value.as_f64()?)?.as_u64());
+    let number = number.and_then(|number| T::try_from(number).ok());
+    number.ok_or_else(|| {
+        D::Error::custom(format!(
+            "{value} is not a whole number in the allowed range"
+        ))
+    })
+}
+
+/// Reads an optional field like [`whole`].
+///
+/// # Errors
+/// If [`whole`] fails.
+pub fn optional_whole<'de, D, T>(reader: D) -> Result<Option<T>, D::Error>
+where
+    D: Deserializer<'de>,
+    T: TryFrom<u64>,
+{
+    whole(reader).map(Some)
+}
+
     match value {
         Value::Null => "null",
         Value::Bool(_) => "true or false",
-        Value::Number(n) if n.is_f64() => "a number with a fraction",
+        Value::Number(n) if n.as_f64().is_some_and(|x| x.fract() != 0.0) => {
+            "a number with a fraction"
+        }
         Value::Number(_) => "a whole number",
         Value::String(_) => "text",
         Value::Array(_) => "a list",
@@ -566,6 +685,92 @@ mod tests {
     use super::*;
 
     #[test]
+    /// Checks that a whole number may be written with a point or an exponent, in a field, in an optional field and in a
+    /// long list, and that a fraction and a number that is not exact are refused.
+    #[test]
+    fn a_whole_number_may_have_a_point_or_an_exponent() {
+        let integer = |more: Value| {
+            let mut schema =
+                serde_json::json!({"type": "integer", "format": "uint32", "minimum": 0});
+            schema
+                .as_object_mut()
+                .unwrap()
+                .extend(more.as_object().unwrap().clone());
+            schema
+        };
+        let root = serde_json::json!({"type": "object", "properties": {
+            "n": integer(serde_json::json!({})),
+            "optional": integer(serde_json::json!({"type": ["integer", "null"]})),
+            "list": {"type": "array", "items": integer(serde_json::json!({}))},
+            "choice": {"anyOf": [{"type": "string"}, integer(serde_json::json!({}))]},
+        }});
+        let written = [
+            r#"{"n": 40.0}"#,
+            r#"{"n": 4e1, "optional": 3.0}"#,
+            r#"{"choice": 2.0}"#,
+            r#"{"list": [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16.0]}"#,
+        ];
+        let meant = [
+            r#"{"n":40}"#,
+            r#"{"n":40,"optional":3}"#,
+            r#"{"choice":2}"#,
+            r#"{"list":[1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16]}"#,
+        ];
+        for (written, meant) in written.iter().zip(meant) {
+            let mut tree: Value = serde_json::from_str(written).unwrap();
+            let problems = problems_against(&root, &mut tree);
+            assert!(problems.is_empty(), "{written}: {problems:?}");
+            assert_eq!(tree.to_string(), meant);
+        }
+        for (text, reason, remedy) in [
+            (
+                r#"{"n": 40.5}"#,
+                "a number with a fraction",
+                "such as 40 or 41",
+            ),
+            (r#"{"n": 1e20}"#, "too large", "at most 9007199254740992"),
+            (r#"{"n": -3.0}"#, "out of range", "at least 0"),
+        ] {
+            let mut tree: Value = serde_json::from_str(text).unwrap();
+            let problems = problems_against(&root, &mut tree);
+            assert_eq!(problems.len(), 1, "{text}: {problems:?}");
+            let told = problems[0].to_string();
+            assert!(told.contains(reason) && told.contains(remedy), "{told}");
+        }
+    }
+
+    /// Checks that every field that is null gets one finding with the same beginning: a warning where the field may be
+    /// left out, whether its default is none or a value, and an error where it is required.
+    #[test]
+    fn a_field_that_is_null_gets_one_finding() {
+        let text = crate::examples::find("deposition").unwrap().text;
+        for (path, severity) in [
+            ("/contact", Severity::Warning),
+            ("/title", Severity::Warning),
+            ("/probes", Severity::Warning),
+            ("/time", Severity::Error),
+            ("/time/end", Severity::Error),
+        ] {
+            let mut tree: Value = serde_json::from_str(text).unwrap();
+            let field = path.rsplit('/').next().unwrap();
+            let parent = tree
+                .pointer_mut(&path[..path.len() - field.len() - 1])
+                .unwrap();
+            parent
+                .as_object_mut()
+                .unwrap()
+                .insert(field.into(), Value::Null);
+            let problems = against_schema(&mut tree).problems;
+            assert_eq!(problems.len(), 1, "{path}: {problems:?}");
+            assert_eq!(problems[0].severity, severity, "{path}");
+            assert!(
+                problems[0].reason.starts_with("this field is null, "),
+                "{path}"
+            );
+            assert!(tree.pointer(path).is_none(), "{path}");
+        }
+    }
+
     fn an_old_name_is_refused_and_the_new_one_named() {
         let text = crate::examples::find("cavity").unwrap().text;
         let mut tree: Value = serde_json::from_str(text).unwrap();

@@ -146,8 +146,8 @@ pub struct Document {
     pub problems: Vec<Problem>,
     /// Sources of values, by JSON path.
     pub sources: BTreeMap<String, Source>,
-    /// Case as compact JSON: keys sorted, annotations removed, `--set` applied, paths of input files absolute, so
-    /// that it has the same meaning in any folder.
+    /// Case as compact JSON: keys sorted, annotations and null removed, `--set` applied, paths of input files
+    /// absolute, so that it has the same meaning in any folder.
     pub canonical: String,
 }
 
@@ -174,15 +174,16 @@ impl Document {
             }
         }
         sources.extend(annotation::strip(&mut tree));
+        let cut_short = text::cut_short(&problems);
+        let checked = check::against_schema(&mut tree);
+        problems.extend(checked.problems);
+        // After the check, so that 40.0 and 40 in a field of whole numbers, and null and no field, are the same case.
         let mut written = Vec::new();
         anchor(&mut tree, directory, &mut written);
         let canonical = tree.to_string();
         if !written.is_empty() {
             put_back(&mut tree, &mut written.into_iter());
         }
-        let cut_short = text::cut_short(&problems);
-        let checked = check::against_schema(&mut tree);
-        problems.extend(checked.problems);
         if cut_short {
             // Fields that seem to be missing may be among the keys that were not read.
             problems.retain(|problem| problem.value != "missing");

@@ -126,7 +126,7 @@ pub fn pages() -> Vec<Page> {
         parameter.example = seen
             .remove(&parameter.path)
             .filter(|value| value.to_string().len() <= LONGEST_EXAMPLE)
-            .or_else(|| parameter.default.clone().filter(|d| !d.is_null()))
+            .or_else(|| parameter.default.clone().and_then(without_null))
             .or_else(|| Some(parameter.words.first()?.0.clone().into()));
     }
     let mut pages = vec![Page {
@@ -178,10 +178,18 @@ fn instructive(cases: &[(&'static str, Value)], section: &str) -> Option<Example
         })
 }
 
+/// Returns a default without the fields that are none by default; none for a default of none.
+fn without_null(mut value: Value) -> Option<Value> {
+    if let Value::Object(map) = &mut value {
+        map.retain(|_, value| !value.is_null());
+    }
+    (!value.is_null()).then_some(value)
+}
+
 /// Returns the section with its defaults.
 fn defaults(section: &Parameter) -> Option<Example> {
-    let mut value = section.default.clone()?;
-    value.as_object_mut()?.retain(|_, value| !value.is_null());
+    let value = section.default.clone().and_then(without_null)?;
+    value.as_object()?;
     Some(Example {
         case: None,
         value: serde_json::json!({ section.key(): value }),

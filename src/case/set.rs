@@ -1,7 +1,7 @@
 //! `--set path=value`: changes any field of a case from the command line.
 //!
 //! A path is written as in messages: `probes[0].every`. The value is JSON; any other text is taken as a string. Missing
-//! objects on the path are created. An index one past the end of a list appends.
+//! objects on the path are created. An index one past the end of a list appends. The value null removes a field.
 
 use super::text::brief;
 use base::error::Problem;
@@ -39,6 +39,18 @@ pub fn apply(tree: &mut Value, assignment: &str) -> Result<String, Box<Problem>>
             "write for example fluid.lattice_boltzmann.density or probes[0].every",
         ));
     };
+    let value = serde_json::from_str(text).unwrap_or_else(|_| text.into());
+    if let (Value::Null, Some((Step::Key(key), above))) = (&value, steps.split_last()) {
+        match find(tree, above) {
+            Some(Value::Object(map)) => {
+                map.remove(key);
+                return Ok(path.to_string());
+            }
+            // A field of an object that does not exist is not there either.
+            None | Some(Value::Null) => return Ok(path.to_string()),
+            Some(_) => {}
+        }
+    }
     let mut node = tree;
     for step in &steps {
         node = match step {
@@ -75,8 +87,16 @@ pub fn apply(tree: &mut Value, assignment: &str) -> Result<String, Box<Problem>>
             }
         };
     }
-    *node = serde_json::from_str(text).unwrap_or_else(|_| text.into());
+    *node = value;
     Ok(path.to_string())
+}
+
+/// Returns the value at the end of the steps.
+fn find<'t>(tree: &'t mut Value, steps: &[Step]) -> Option<&'t mut Value> {
+    steps.iter().try_fold(tree, |node, step| match step {
+        Step::Key(key) => node.get_mut(key),
+        Step::Index(index) => node.get_mut(*index),
+    })
 }
 
 /// Returns `true` if `known` is `path` or below it.
@@ -131,6 +151,11 @@ mod tests {
         apply(&mut tree, "a.b[2]=text").unwrap();
         apply(&mut tree, "x.y={\"z\": true}").unwrap();
         assert_eq!(tree["a"]["b"], json!([1, 7.5, "text"]));
+        for gone in ["x=null", "a.c=null", "no.such.field=null"] {
+            apply(&mut tree, gone).unwrap();
+        }
+        assert_eq!(tree, json!({"a": {"b": [1, 7.5, "text"]}, "s": 1}));
+        apply(&mut tree, "x.y={\"z\": true}").unwrap();
         assert_eq!(lookup(&tree, "x.y.z"), Some(&json!(true)));
         for bad in [
             "a.b[9]=1", "s.t=1", "a[0]=1", "nothing", "=3", "a..b=1", "a.b[x]=1",

@@ -158,14 +158,18 @@ impl Plan {
             mut canonical,
         } = document;
         all.extend(drawings::replace(&mut case, &mut canonical));
-        let refused_fields = all.iter().filter(|p| p.severity == Severity::Error);
+        let is_error = |p: &Problem| p.severity == Severity::Error;
+        let refused_fields = all.iter().filter(|p| is_error(p));
         let wrong: Vec<String> = refused_fields.map(|p| p.path.clone()).collect();
         let (plan, found) = Self::try_plan(&case, like, &wrong);
         // A field with an error does not get a second finding.
         let new: Vec<Problem> = found
             .into_iter()
-            .filter(|p| !all.iter().any(|known| known.path == p.path))
+            .filter(|p| !wrong.contains(&p.path))
             .collect();
+        // An error of a field says more than a warning that the same field is null.
+        let said = |known: &Problem| new.iter().any(|p| p.path == known.path && is_error(p));
+        all.retain(|known| is_error(known) || !said(known));
         all.extend(new);
         match plan {
             Some(mut plan) if !refused(&all) => {
@@ -232,7 +236,7 @@ impl Plan {
             case: case.clone(),
             problems: Vec::new(),
             sources: BTreeMap::new(),
-            canonical: serde_json::to_string(case).unwrap_or_default(),
+            canonical: canonical(case),
         })
     }
 
@@ -275,6 +279,23 @@ impl Plan {
         findings.drop_consequences();
         (plan, findings.problems)
     }
+}
+
+/// Returns a case as compact JSON, without the fields that are none.
+fn canonical(case: &Case) -> String {
+    fn without_null(value: &mut serde_json::Value) {
+        match value {
+            serde_json::Value::Object(map) => {
+                map.retain(|_, child| !child.is_null());
+                map.values_mut().for_each(without_null);
+            }
+            serde_json::Value::Array(list) => list.iter_mut().for_each(without_null),
+            _ => {}
+        }
+    }
+    let mut tree = serde_json::to_value(case).unwrap_or_default();
+    without_null(&mut tree);
+    tree.to_string()
 }
 
 /// Returns the hash of the text of a case without its pilot; none if the text is not JSON.

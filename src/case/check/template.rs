@@ -7,7 +7,7 @@ use serde_json::Value;
 pub(super) enum Template<'a> {
     /// Undecided: only the walk over the schema can decide.
     Unknown,
-    /// Absent, or valid for the other template.
+    /// Absent, or valid for the other template. The walk reports null.
     Optional(Box<Template<'a>>),
     Number {
         whole: bool,
@@ -123,8 +123,8 @@ impl<'a> Template<'a> {
     /// [`SMALLEST`] is the minimum of numbers that must be above 0.
     pub(super) fn accepts(&self, value: &Value, largest: f64) -> bool {
         match (self, value) {
-            (Self::Optional(_), Value::Null) | (Self::Text, Value::String(_)) => true,
-            (Self::Boolean, Value::Bool(_)) => true,
+            (Self::Optional(_), Value::Null) => false,
+            (Self::Text, Value::String(_)) | (Self::Boolean, Value::Bool(_)) => true,
             (Self::Optional(inner), value) => inner.accepts(value, largest),
             (
                 Self::Number {
@@ -190,8 +190,12 @@ mod tests {
                 true,
             ),
             (
-                json!({"position": [1, 2.5], "radius": 1e-3, "velocity": [0, 1], "material": null}),
+                json!({"position": [1, 2.5], "radius": 1e-3, "velocity": [0, 1]}),
                 true,
+            ),
+            (
+                json!({"position": [1, 2.5], "radius": 1e-3, "material": null}),
+                false,
             ),
             (json!({"position": [1, 2.5], "radius": 0}), false),
             (json!({"position": [1, 2.5], "radius": "a"}), false),

@@ -20,6 +20,7 @@ use super::problems::problem;
 use base::error::Problem;
 use base::number::{real, whole};
 use base::random::Stream;
+use case::check;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -38,10 +39,11 @@ pub enum Sample {
 #[serde(deny_unknown_fields)]
 pub struct LatinHypercube {
     /// Number of draws.
+    #[serde(deserialize_with = "check::whole")]
     #[schemars(range(min = 1, max = 10_000))]
     pub members: u32,
     /// Seed of the random numbers.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "check::whole")]
     pub seed: u64,
     /// Variations that are not drawn: every draw is combined with each of their values.
     #[serde(default)]

@@ -9,7 +9,7 @@ use super::latin_hypercube::{Range, Sample};
 use super::problems::{problem, unknown};
 use analysis::expression;
 use analysis::measure::{Measure, Norm, Take};
-use base::error::Problem;
+use base::error::{Problem, Severity};
 use case::{check, text};
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::Deserialize;
@@ -178,12 +178,15 @@ pub enum Refused {
 #[serde(default, deny_unknown_fields)]
 pub struct Run {
     /// MPI ranks per member.
+    #[serde(deserialize_with = "check::whole")]
     #[schemars(range(min = 1, max = 100_000))]
     pub ranks: u32,
     /// Threads per rank.
+    #[serde(deserialize_with = "check::whole")]
     #[schemars(range(min = 1, max = 1024))]
     pub threads: u32,
     /// Members that run at the same time. Together they may not need more cores than the machine has.
+    #[serde(deserialize_with = "check::whole")]
     #[schemars(range(min = 1, max = 1024))]
     pub at_once: u32,
     /// Wall-clock time after which a member is aborted [s].
@@ -277,8 +280,12 @@ pub(crate) fn read_document<T: DeserializeOwned>(
         problems.extend(check::problems_against(schema, &mut tree));
     }
     if !problems.is_empty() {
-        for problem in problems.iter_mut().filter(|p| p.path == "the case") {
-            problem.path = "the study".into();
+        for problem in &mut problems {
+            if problem.path == "the case" {
+                problem.path = "the study".into();
+            }
+            // The study is read from its text, which must have no field that is null.
+            problem.severity = Severity::Error;
         }
         return Err(problems);
     }

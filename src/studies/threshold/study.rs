@@ -12,6 +12,7 @@ use crate::sweep::study::{
 };
 use base::error::Problem;
 use case::check;
+use case::check::optional_whole;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use serde_json::Value;
@@ -64,7 +65,7 @@ pub struct SearchedField {
     pub tolerance: Tolerance,
     /// Number of parts into which each round divides the interval: its members, one fewer, are independent of each
     /// other. The result depends on it and not on `run.at_once`. Default: one more than `run.at_once`.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "optional_whole")]
     #[schemars(range(min = 2, max = 1025))]
     pub parts: Option<u32>,
 }
