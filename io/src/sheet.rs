@@ -442,6 +442,30 @@ impl From<String> for Refusal {
     }
 }
 
+/// Returns the sentence about a header without a required column: one of its unknown columns may be meant.
+fn without_column(name: &str, unknown: &[String]) -> String {
+    /// Maximum number of unknown columns that are named.
+    const MAX_NAMED: usize = 6;
+    let named: Vec<String> = unknown.iter().map(|name| format!("`{name}`")).collect();
+    match &named[..] {
+        [] => format!("the header has no column `{name}`"),
+        [one] => format!(
+            "the header has no column `{name}`, but an unknown column {one}: rename it to `{name}` if it is that, or \
+             add the column `{name}`"
+        ),
+        several => format!(
+            "the header has no column `{name}`, but the unknown columns {}{}: rename the one that is meant to \
+             `{name}`, or add the column `{name}`",
+            several[..several.len().min(MAX_NAMED)].join(", "),
+            if several.len() > MAX_NAMED {
+                ", .."
+            } else {
+                ""
+            }
+        ),
+    }
+}
+
 /// Rows of a table, one after the other.
 #[derive(Debug)]
 pub struct Sheet<'t> {
@@ -469,6 +493,7 @@ impl<'t> Sheet<'t> {
     /// If the text cannot be read or has an unknown column; the error names the line or the column.
     pub fn below(header: Header<'t>, known: &[Column], all: bool) -> Result<Self, Refusal> {
         let mut found: Vec<Option<(usize, f64)>> = vec![None; known.len()];
+        let mut unknown: Vec<String> = Vec::new();
         for (at, cell) in header.names.iter().enumerate() {
             let (name, unit) = split_unit(cell);
             let called = plain(name);
@@ -489,9 +514,7 @@ impl<'t> Sheet<'t> {
                         example(known, header.separator)
                     )));
                 }
-                if all {
-                    return Err(Refusal::Unknown(quotable(name, at)));
-                }
+                unknown.push(quotable(name, at));
                 continue;
             };
             let below = header.units.get(at).map(|unit| without_brackets(unit));
@@ -516,13 +539,13 @@ impl<'t> Sheet<'t> {
             }
             found[k] = Some((at, over * unit_over));
         }
-        for (column, found) in known.iter().zip(&found) {
-            if column.required && found.is_none() {
-                return Err(Refusal::Sentence(format!(
-                    "the header has no column `{}`",
-                    column.name
-                )));
-            }
+        let missing = known.iter().zip(&found);
+        let mut missing = missing.filter(|(column, found)| column.required && found.is_none());
+        if let Some((column, _)) = missing.next() {
+            return Err(Refusal::Sentence(without_column(column.name, &unknown)));
+        }
+        if let Some(name) = unknown.into_iter().next().filter(|_| all) {
+            return Err(Refusal::Unknown(name));
         }
         let rows_text = match header.separator {
             b' ' => header

@@ -487,6 +487,32 @@ mod tests {
         );
     }
 
+    /// Checks that a table without a required column names its unknown columns, one of which may be meant.
+    #[test]
+    fn an_unknown_column_may_be_the_missing_one() {
+        let said = |text: &str| read(text, 2, &[], 0).unwrap_err();
+        let one = said("x,y,size\n1,2,0.5\n");
+        assert!(
+            one.contains("no column `radius`, but an unknown column `size`"),
+            "{one}"
+        );
+        let two = said("x,y,colour,raduis\n1,2,3,0.5\n");
+        assert!(
+            two.contains("no column `radius`, but the unknown columns `colour`, `raduis`"),
+            "{two}"
+        );
+        let none = said("x,y\n1,2\n");
+        assert!(
+            none.contains("no column `radius`") && !none.contains("unknown"),
+            "{none}"
+        );
+        let only = said("x,y,radius,colour\n1,2,0.5,3\n");
+        assert!(
+            only.contains("unknown column `colour`: remove it."),
+            "{only}"
+        );
+    }
+
     #[test]
     fn names_with_capitals_units_and_diameters_are_read() {
         let usual = read("x,y,radius,velocity_x\n1,0.02,0.5,3\n", 2, &[], 0).unwrap();
