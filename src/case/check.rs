@@ -119,6 +119,17 @@ fn not_known(kind: &str, name: &str, known: &[&str]) -> (String, String) {
     }
 }
 
+/// Returns the reason and remedy for an unknown word of a choice; of the allowed words, those in `plain` are valid
+/// without parameters.
+fn unknown_word(path: &str, text: &str, allowed: &[&str], plain: &[&str]) -> (String, Remedy) {
+    if absent::feature(text).is_some() || absent::elsewhere(text).is_some() {
+        let (reason, remedy) = not_known("choice", text, allowed);
+        return (reason, remedy.into());
+    }
+    let remedy = nearest_word(path, text, allowed, plain);
+    ("this choice does not exist here".into(), remedy)
+}
+
 struct Walk<'a> {
     root: &'a Value,
     problems: Vec<Problem>,
@@ -180,8 +191,18 @@ impl<'a> Walk<'a> {
         {
             return;
         }
+        if wants_whole(schema) && self.whole_number(value, path) {
+            return;
+        }
         if !self.has_type(value, schema) {
             let wanted = expected_values(schema);
+            // Whole numbers on both sides of a fraction.
+            let near = value
+                .as_f64()
+                .filter(|_| wants_whole(schema))
+                .map_or_else(String::new, |x| {
+                    format!(", such as {} or {}", x.floor(), x.ceil())
+                });
             return self.report(
                 path,
                 value,
@@ -191,23 +212,12 @@ impl<'a> Walk<'a> {
         }
         match value {
             Value::Object(map) => self.object(map, schema, path),
-        if wants_whole(schema) && self.whole_number(value, path) {
-            return;
-        }
             Value::Array(list) => self.array(list, schema, path),
             Value::Number(_) => self.range(value, schema, path),
-            // Whole numbers on both sides of a fraction.
-            let near = value
-                .as_f64()
-                .filter(|_| wants_whole(schema))
-                .map_or_else(String::new, |x| {
-                    format!(", such as {} or {}", x.floor(), x.ceil())
-                });
             Value::String(text) => {
                 let choices = allowed_words(schema);
                 if !choices.is_empty() && !choices.contains(&text.as_str()) {
-                    let remedy = nearest_word(path, text, &choices, &choices);
-                    let reason = "this choice does not exist here".into();
+                    let (reason, remedy) = unknown_word(path, text, &choices, &choices);
                     self.report(path, value, reason, remedy);
                 }
             }
@@ -233,16 +243,6 @@ impl<'a> Walk<'a> {
         }
     }
 
-    fn object(&mut self, map: &mut Map<String, Value>, schema: &'a Value, path: &str) {
-        let empty = Map::new();
-        let properties = schema.get("properties").and_then(Value::as_object);
-        let known: Vec<&str> = properties
-            .unwrap_or(&empty)
-            .keys()
-            .map(String::as_str)
-            .collect();
-        self.rename(map, &known, path);
-        let open = (schema.get("additionalProperties"))
     /// Replaces a number such as 40.0 or 4e1 by the whole number that it is. Reports one that f64 does not hold
     /// exactly, and returns `true` for it.
     fn whole_number(&mut self, value: &mut Value, path: &str) -> bool {
@@ -288,13 +288,29 @@ impl<'a> Walk<'a> {
         });
     }
 
-            .filter(|s| s.is_object() || s.as_bool() == Some(true));
-        let (mut unknown, mut null) = (Vec::new(), Vec::new());
+    fn object(&mut self, map: &mut Map<String, Value>, schema: &'a Value, path: &str) {
+        let empty = Map::new();
         let required = schema.get("required").and_then(Value::as_array);
         let required = required.into_iter().flatten().filter_map(Value::as_str);
+        let properties = schema.get("properties").and_then(Value::as_object);
+        let known: Vec<&str> = properties
+            .unwrap_or(&empty)
+            .keys()
+            .map(String::as_str)
+            .collect();
+        self.rename(map, &known, path);
+        let open = (schema.get("additionalProperties"))
+            .filter(|s| s.is_object() || s.as_bool() == Some(true));
+        let (mut unknown, mut null) = (Vec::new(), Vec::new());
         for (key, child) in map.iter_mut() {
             let child_path = join(path, &clipped(key));
             if let Some(child_schema) = properties.and_then(|p| p.get(key)) {
+                if child.is_null() {
+                    let needed = required.clone().any(|name| name == key);
+                    self.null_field(&child_path, child_schema, needed);
+                    null.push(key.clone());
+                    continue;
+                }
                 self.node(child, child_schema, &child_path);
             } else if let Some(child_schema) = open {
                 self.node(child, child_schema, &child_path);
@@ -305,12 +321,6 @@ impl<'a> Walk<'a> {
                     continue;
                 }
                 let (reason, remedy) = not_known("field", key, &known);
-                if child.is_null() {
-                    let needed = required.clone().any(|name| name == key);
-                    self.null_field(&child_path, child_schema, needed);
-                    null.push(key.clone());
-                    continue;
-                }
                 self.report(&child_path, child, reason, remedy);
             }
         }
@@ -457,16 +467,7 @@ impl<'a> Walk<'a> {
                 self.report(path, value, reason, remedy);
             }
             Value::String(text) => {
-                let known = absent::feature(text).is_some() || absent::elsewhere(text).is_some();
-                let (reason, remedy) = if known {
-                    let (reason, remedy) = not_known("choice", text, &all);
-                    (reason, remedy.into())
-                } else {
-                    (
-                        "this choice does not exist here".into(),
-                        nearest_word(path, text, &all, &plain),
-                    )
-                };
+                let (reason, remedy) = unknown_word(path, text, &all, &plain);
                 self.report(path, value, reason, remedy);
             }
             Value::Object(map) if map.len() == 1 && !names.is_empty() => {
@@ -576,7 +577,6 @@ fn allowed_words(schema: &Value) -> Vec<&str> {
         .collect()
 }
 
-fn kind(value: &Value) -> &'static str {
 /// Returns `true` if a schema allows whole numbers and no others.
 fn wants_whole(schema: &Value) -> bool {
     match schema.get("type") {
@@ -625,6 +625,7 @@ where
     whole(reader).map(Some)
 }
 
+fn kind(value: &Value) -> &'static str {
     match value {
         Value::Null => "null",
         Value::Bool(_) => "true or false",
@@ -684,7 +685,6 @@ fn summary_in_brackets(schema: &Value) -> String {
 mod tests {
     use super::*;
 
-    #[test]
     /// Checks that a whole number may be written with a point or an exponent, in a field, in an optional field and in a
     /// long list, and that a fraction and a number that is not exact are refused.
     #[test]
@@ -771,6 +771,7 @@ mod tests {
         }
     }
 
+    #[test]
     fn an_old_name_is_refused_and_the_new_one_named() {
         let text = crate::examples::find("cavity").unwrap().text;
         let mut tree: Value = serde_json::from_str(text).unwrap();

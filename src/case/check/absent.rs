@@ -58,7 +58,16 @@ pub const ABSENT: [Absent; 10] = [
         "build them from spheres held together by bonds, or cut the rock by `joints`",
     ),
     absent(
-        &["temperature", "thermal", "heat", "buoyancy"],
+        &[
+            "temperature",
+            "thermal",
+            "heat",
+            "buoyancy",
+            "boussinesq",
+            "cooling",
+            "freezing",
+            "boiling",
+        ],
         "heat and buoyancy",
         "set density and viscosity to the values at the temperature of the water",
     ),
@@ -113,7 +122,15 @@ pub const ABSENT: [Absent; 10] = [
          its cells by `fluid.darcy.grid.spacing`",
     ),
     absent(
-        &["electrostatic", "magnetic", "vanderwaals", "jkr", "dlvo"],
+        &[
+            "electric",
+            "electro",
+            "charge",
+            "magnet",
+            "vanderwaals",
+            "jkr",
+            "dlvo",
+        ],
         "electric, magnetic and surface forces between grains",
         "use a contact law with `attraction` or bonds",
     ),
@@ -209,6 +226,19 @@ mod tests {
             ("clumps", "clumps of spheres and ellipsoids"),
             ("gas", "two fluids, gas and bubbles"),
             ("adaptive_refinement", "grids with local refinement"),
+            ("temperature", "heat and buoyancy"),
+            (
+                "electric",
+                "electric, magnetic and surface forces between grains",
+            ),
+            (
+                "surface_charge",
+                "electric, magnetic and surface forces between grains",
+            ),
+            (
+                "magnetic",
+                "electric, magnetic and surface forces between grains",
+            ),
         ] {
             assert_eq!(
                 feature(name).map(|absent| absent.feature),
@@ -226,6 +256,53 @@ mod tests {
             "",
         ] {
             assert_eq!(feature(name), None, "{name}");
+        }
+    }
+
+    /// Checks that the name of an absent feature is answered by the alternative wherever a field or a choice is
+    /// written.
+    #[test]
+    fn a_case_with_an_absent_feature_is_told_the_alternative() {
+        let text = crate::examples::find("deposition").unwrap().text;
+        let value = serde_json::json!(1);
+        for name in [
+            "electric",
+            "temperature",
+            "magnetic",
+            "gas",
+            "salinity",
+            "amr",
+        ] {
+            for place in [
+                "",
+                "/domain",
+                "/materials/glass",
+                "/output",
+                "/output/grains",
+            ] {
+                let mut tree: serde_json::Value = serde_json::from_str(text).unwrap();
+                let Some(object) = tree.pointer_mut(place).and_then(|at| at.as_object_mut()) else {
+                    assert!(place.contains("materials"), "{place}");
+                    continue;
+                };
+                object.insert(name.into(), value.clone());
+                let problems = crate::check::against_schema(&mut tree).problems;
+                assert_eq!(problems.len(), 1, "{place} {name}: {problems:?}");
+                let told = problems[0].to_string();
+                assert!(told.contains("this program does not compute"), "{told}");
+                assert!(!told.contains("did you mean"), "{told}");
+            }
+        }
+        let mut tree: serde_json::Value = serde_json::from_str(text).unwrap();
+        tree["domain"]["periodic"] = serde_json::json!(["temperature"]);
+        tree["output"]["fluid"] = serde_json::json!({"every": 1, "fields": ["temperature"]});
+        let problems = crate::check::against_schema(&mut tree).problems;
+        assert_eq!(problems.len(), 2, "{problems:?}");
+        for problem in problems {
+            assert!(
+                problem.reason.contains("does not compute heat"),
+                "{problem}"
+            );
         }
     }
 
