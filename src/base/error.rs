@@ -124,6 +124,12 @@ pub trait Report {
     /// Adds an error: the case is refused.
     fn error(&mut self, path: &str, reason: String, remedy: Remedy);
 
+    /// Adds an error about a vector whose number of components differs from the dimension, so that nothing can be said
+    /// of what follows from it.
+    fn wrong_components(&mut self, path: &str, reason: String, remedy: Remedy) {
+        self.error(path, reason, remedy);
+    }
+
     /// Adds an error: the case names a material that is not in `known`.
     fn unknown_material(&mut self, path: &str, name: &str, known: &[&str]);
 }

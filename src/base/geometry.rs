@@ -26,7 +26,7 @@ impl Vector {
     pub fn resolve(&self, dimension: usize, path: &str, report: &mut dyn Report) -> [f64; 3] {
         let have = self.0.len();
         if have != dimension {
-            report.error(
+            report.wrong_components(
                 path,
                 format!("this has {have} components, but the problem is {dimension}-D"),
                 format!("write {dimension} numbers").into(),

@@ -44,6 +44,8 @@ pub(crate) struct Findings<'a> {
     /// Indices of findings that are valid only if the fields of some sections have no errors, with the names of these
     /// sections.
     dependent: Vec<(usize, &'static [&'static str])>,
+    /// Paths of vectors with a wrong number of components.
+    wrong_vectors: Vec<String>,
     /// `true` if a wrong field prevents the automatic choices, so that none were made.
     pub(crate) stopped: bool,
 }
@@ -62,6 +64,7 @@ impl<'a> Findings<'a> {
             unlisted: Vec::new(),
             wrong: wrong.to_vec(),
             dependent: Vec::new(),
+            wrong_vectors: Vec::new(),
             stopped: false,
         }
     }
@@ -95,9 +98,31 @@ impl<'a> Findings<'a> {
             .any(|path| !OUTPUT_SECTIONS.iter().any(|section| within(path, section)))
     }
 
-    /// Drops findings that follow from others: those that depend on a section with an error, and those about a
-    /// field that contains, or is contained in, a field reported earlier.
+    /// Keeps only the findings about vectors with a wrong number of components, each once, if there are any: places and
+    /// directions of the case cannot be compared before they are corrected.
+    fn keep_wrong_vectors(&mut self) {
+        let mut left = std::mem::take(&mut self.wrong_vectors);
+        if left.is_empty() {
+            return;
+        }
+        self.dependent.clear();
+        let unlisted: Vec<usize> = self.unlisted.drain(..).map(|rest| rest.line).collect();
+        let mut line = 0;
+        self.problems.retain(|problem| {
+            let at = left.iter().position(|path| *path == problem.path);
+            let first = at.filter(|_| problem.severity == Severity::Error);
+            first.map(|at| left.swap_remove(at));
+            line += 1;
+            let more = unlisted.contains(&(line - 1)) && problem.severity == Severity::Error;
+            first.is_some() || more && !left.is_empty()
+        });
+    }
+
+    /// Drops findings that follow from others: those that depend on a section with an error, those about a field that
+    /// contains, or is contained in, a field reported earlier, and all others if a vector has too few or too many
+    /// components.
     pub(crate) fn drop_consequences(&mut self) {
+        self.keep_wrong_vectors();
         let dependent = std::mem::take(&mut self.dependent);
         let sections = |n: usize| {
             let found = dependent.iter().find(|(at, _)| *at == n);
@@ -241,6 +266,16 @@ impl Report for Findings<'_> {
         self.push(path, reason, remedy, Severity::Error);
     }
 
+    fn wrong_components(&mut self, path: &str, reason: String, remedy: Remedy) {
+        if !self.wrong_vectors.iter().any(|known| known == path) {
+            // Of very many only the number is of interest.
+            if self.wrong_vectors.len() <= MAX_PROBLEMS {
+                self.wrong_vectors.push(path.to_owned());
+            }
+            self.push(path, reason, remedy, Severity::Error);
+        }
+    }
+
     fn unknown_material(&mut self, path: &str, name: &str, known: &[&str]) {
         let remedy = match check::nearest(name, known) {
             Some(near) => Remedy::from(format!("did you mean `{near}`? Or add it to `materials`"))
@@ -267,4 +302,46 @@ pub(crate) fn length_of(cells: f64, spacing: f64) -> f64 {
     format!("{:.12e}", cells * spacing)
         .parse()
         .unwrap_or(cells * spacing)
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::Plan;
+    use case::Document;
+    use case::examples::EXAMPLES;
+    use serde_json::{Value, json};
+    use std::path::Path;
+
+    /// Returns the paths of all errors of a case.
+    fn errors(case: &Value) -> Vec<String> {
+        let read = Document::read(&case.to_string(), &[], Path::new("")).and_then(Plan::prepare);
+        let found = read.map_or_else(|problems| problems, |plan| plan.warnings);
+        found.into_iter().map(|problem| problem.path).collect()
+    }
+
+    /// Checks that a gravity with two numbers in 3-D, or three in 2-D, gives one finding in every example, whatever
+    /// depends on gravity, and that so does the position of a block.
+    #[test]
+    fn a_vector_of_the_wrong_length_gives_one_finding() {
+        let mut seen = 0;
+        for example in EXAMPLES {
+            let mut case: Value = serde_json::from_str(example.text).unwrap();
+            let Some(gravity) = case["gravity"].as_array().cloned() else {
+                continue;
+            };
+            case["gravity"] = match &gravity[..] {
+                [x, y] => json!([x, y, 0]),
+                [x, _, z] => json!([x, z]),
+                other => panic!("{other:?}"),
+            };
+            assert_eq!(errors(&case), ["gravity"], "{}", example.name);
+            seen += 1;
+        }
+        assert!(seen > 10, "{seen}");
+        let text = case::examples::find("joint-pulse").unwrap().text;
+        let mut case: Value = serde_json::from_str(text).unwrap();
+        let position = case.pointer_mut("/blocks/initial/list/1/position").unwrap();
+        *position = json!([0.1, 0.1]);
+        assert_eq!(errors(&case), ["blocks.initial.list[1].position"]);
+    }
 }
