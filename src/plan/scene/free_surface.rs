@@ -443,6 +443,7 @@ fn part(
         Water::Shape(shape) => {
             let path = format!("{path}.shape");
             let images = structures::images(case, grid, shape, &path, findings)?;
+            structures::check_cells(case, grid, &images, &path, findings);
             Some(WaterPart::Solid(Arc::new(images)))
         }
         Water::Wave(wave) => {

@@ -60,6 +60,9 @@ pub(crate) fn structures(
                 Remedy::from("write all").set(format!("{path}.stops"), "all"),
             );
         }
+        if written.stops.water() {
+            check_cells(case, grid, &images, &shape, findings);
+        }
         all.push(Structure {
             name: written.name.clone(),
             solid: Arc::new(images),
@@ -68,6 +71,28 @@ pub(crate) fn structures(
         });
     }
     all
+}
+
+/// Warns of a solid that acts on water but covers no cell of the lattice.
+pub(crate) fn check_cells(
+    case: &Case,
+    grid: &Grid,
+    images: &Images,
+    path: &str,
+    findings: &mut Findings,
+) {
+    let in_lattice = matches!(case.fluid, Some(Fluid::LatticeBoltzmann(_)));
+    if in_lattice && is_lost(images, grid) {
+        findings.warn(
+            path,
+            format!(
+                "the solid is smaller than a cell of {} m and covers no cell, so that it has no effect on the \
+                 water",
+                number(grid.spacing)
+            ),
+            "check that lengths are in m (the unit of a mesh is its `scale`), or use a smaller domain.spacing",
+        );
+    }
 }
 
 /// Returns a solid with its periodic images; reports a finding if it cannot be read or lies outside the domain.
@@ -96,18 +121,6 @@ pub(crate) fn images(
     };
     let solid = written.solid(&frame, path, &read, findings)?;
     let images = Images::new(solid, frame, grid.periodic, MARGIN * grid.spacing);
-    let in_lattice = matches!(case.fluid, Some(Fluid::LatticeBoltzmann(_)));
-    if in_lattice && !images.is_empty() && is_lost(&images, grid) {
-        findings.warn(
-            path,
-            format!(
-                "the solid is smaller than a cell of {} m and covers no cell, so that it has no effect on the \
-                 water",
-                number(grid.spacing)
-            ),
-            "check that lengths are in m (the unit of a mesh is its `scale`), or use a smaller domain.spacing",
-        );
-    }
     if images.is_empty() || !meets(&images, grid) {
         let reaches = images.solid().extent().map(|corner| {
             let corner = corner[..grid.dimension].iter();
@@ -133,8 +146,9 @@ pub(crate) fn images(
     Some(images)
 }
 
-/// Size of a solid, in cells, below which it is not represented on the lattice even if it cuts a link.
-const NO_SHAPE: f64 = 0.1;
+/// Size of a solid below which it has no effect: in cells, even if it cuts a link of the lattice, and in diameters of
+/// the smallest grain.
+pub(super) const NO_SHAPE: f64 = 0.1;
 
 /// Returns `true` if a solid smaller than a cell contains no cell centre, and either cuts no link between cell
 /// centres or is smaller than [`NO_SHAPE`].
@@ -388,6 +402,56 @@ mod tests {
         assert!(is_lost([11.0, 10.5, 10.5], 0.01));
         assert!(!is_lost([11.0, 10.5, 10.5], 0.06));
         assert!(!is_lost([10.3, 10.0, 10.2], 0.6));
+    }
+
+    /// Checks a structure that stops grains: without any grains, much smaller than each grain, and as large as one.
+    #[test]
+    fn a_structure_that_stops_no_grain_is_reported() {
+        let case = |radius: f64, grains: bool, stops: &str| {
+            let mut case = json!({
+                "domain": {"size": [0.02, 0.02, 0.02], "spacing": 0.001},
+                "materials": {"glass": {"density": 2500}},
+                "contact": {"linear": {"normal_stiffness": {"absolute": 1e3}, "friction_angle_degrees": 30}},
+                "structures": [{"name": "screen", "stops": stops, "material": "glass", "shape": {"sphere": {
+                    "centre": [0.01, 0.01, 0.005], "radius": radius}}}],
+                "time": {"end": 0.01}
+            });
+            if grains {
+                case["grains"] = json!({"material": "glass", "initial": {"list": [
+                    {"position": [0.005, 0.005, 0.015], "radius": 0.001}]}});
+            } else {
+                case["fluid"] = json!({"lattice_boltzmann": {"density": 1000, "kinematic_viscosity": 1e-5,
+                    "relaxation_time": 0.8}});
+            }
+            findings(&case, Path::new("."))
+        };
+        let told = |found: &[Problem], path: &str, words: &str| {
+            let told = found
+                .iter()
+                .any(|p| p.path == path && p.reason.contains(words));
+            assert!(told, "{path}, {words}: {found:?}");
+        };
+        told(
+            &case(2e-3, false, "grains"),
+            "structures[0].stops",
+            "no effect",
+        );
+        told(
+            &case(5e-5, true, "grains"),
+            "structures[0].shape",
+            "smallest grain",
+        );
+        told(
+            &case(5e-5, true, "all"),
+            "structures[0].shape",
+            "smallest grain",
+        );
+        for found in [case(2e-3, true, "grains"), case(2e-3, false, "all")] {
+            assert!(
+                !found.iter().any(|p| p.path.starts_with("structures")),
+                "{found:?}"
+            );
+        }
     }
 
     /// Checks that a drawing in millimetres is refused for every kind of surface: structure, wall, block and body.

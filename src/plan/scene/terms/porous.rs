@@ -93,6 +93,7 @@ pub(super) fn zones(case: &Case, grid: &Grid, findings: &mut Findings) -> Option
         }
         let shape = format!("{path}.shape");
         if let Some(images) = structures::images(case, grid, &written.shape, &shape, findings) {
+            structures::check_cells(case, grid, &images, &shape, findings);
             zones.push(PorousZone {
                 name: written.name.clone(),
                 path,

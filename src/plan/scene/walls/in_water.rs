@@ -4,12 +4,13 @@ use super::{SceneWall, across_periodic, periods, report_large_grains};
 use crate::scene::auto::features::grain_diameters;
 use crate::scene::findings::Findings;
 use crate::scene::grid::Grid;
-use crate::scene::structures::Structure;
+use crate::scene::structures::{NO_SHAPE, Structure};
 use base::error::{Remedy, number};
 use base::number::real;
 use case::Case;
 use case::darcy::Enclosure;
 use case::fluid::Fluid;
+use case::observe::Action;
 use case::structures::Stops;
 use dem::FacetSurface;
 use dem::polyhedron::PlacedPolyhedron;
@@ -32,6 +33,11 @@ pub(super) fn walls_of_structures(
     structures: &[Structure],
     findings: &mut Findings,
 ) -> Vec<SceneWall> {
+    for (n, structure) in structures.iter().enumerate() {
+        if structure.stops.grains() {
+            check_grains(case, grid, structure, &format!("structures[{n}]"), findings);
+        }
+    }
     let moving = case.grains.is_some() || case.blocks.is_some() || !case.bodies.is_empty();
     if !moving {
         return Vec::new();
@@ -112,6 +118,45 @@ pub(super) fn walls_of_structures(
         );
     }
     walls
+}
+
+/// Warns of a structure that stops grains where there are none, or that is much smaller than each of them.
+fn check_grains(
+    case: &Case,
+    grid: &Grid,
+    structure: &Structure,
+    path: &str,
+    findings: &mut Findings,
+) {
+    let generated = (case.regions.iter()).any(|r| matches!(r.action, Action::Generate { .. }));
+    let moving = case.grains.is_some() || case.blocks.is_some() || !case.bodies.is_empty();
+    if !moving && !generated {
+        if structure.stops == Stops::Grains {
+            findings.warn(
+                &format!("{path}.stops"),
+                "this case has no grains, blocks or bodies that the structure could stop, so that it has no effect",
+                Remedy::from("write all or water for a structure that stops water, or remove it")
+                    .set(format!("{path}.stops"), "all"),
+            );
+        }
+        return;
+    }
+    let spheres = case.blocks.is_none() && case.bodies.is_empty();
+    let Some((smallest, _)) = grain_diameters(case).filter(|_| spheres) else {
+        return;
+    };
+    let [low, high] = structure.solid.solid().extent();
+    // A negated comparison, so that an infinite solid does not count as small.
+    if (0..grid.dimension).all(|a| high[a] - low[a] < NO_SHAPE * smallest) {
+        findings.warn(
+            &format!("{path}.shape"),
+            format!(
+                "the solid is smaller than {NO_SHAPE} of the smallest grain, {} m, so that it stops hardly any grain",
+                number(smallest)
+            ),
+            "check that lengths are in m (the unit of a mesh is its `scale`), or remove the structure",
+        );
+    }
 }
 
 /// Returns `true` if structure `n`, a half-space with this normal, can stop grains; reports a plane across a periodic
