@@ -772,17 +772,16 @@ fn print_verdict(findings: &[Problem], case: &CaseArgs, stability: Stability) ->
 fn prepare(case: &CaseArgs) -> Result<Plan, Error> {
     let path = &case.case;
     let text = io::plain::text(path, io::plain::LONGEST_CASE);
-    let text = text.map_err(|error| match error {
-        io::Error::Corrupt { .. } => {
-            report_error(&format!(
-                "error: {} is not text (UTF-8); a case is JSON text",
-                path.display()
-            ));
-            report_error(&refusal(&[], path));
-            Error::Case(vec![])
+    let text = match text {
+        Ok(text) => text,
+        Err(io::Error::Corrupt { reason, .. }) => {
+            let reason = format!("a case is JSON text in UTF-8, but of this file {reason}");
+            let remedy = "save the file as text in UTF-8 and read it again";
+            let problem = Problem::error("the text", "not UTF-8", reason, remedy);
+            return list_problems(vec![problem], case);
         }
-        other => Error::Io(format!("the case: {other}")),
-    })?;
+        Err(other) => return Err(Error::Io(format!("the case: {other}"))),
+    };
     let directory = path.parent().unwrap_or(Path::new(""));
     Document::read(&text, &case.set, directory)
         .and_then(Plan::prepare)
@@ -859,7 +858,8 @@ fn pretty(value: &impl serde::Serialize) -> String {
 /// environment of a shell: a rank counts only if a number of ranks above it is set as well.
 fn first_rank() -> bool {
     let number = |name: &str| std::env::var(name).ok()?.trim().parse::<u64>().ok();
-    let ranks: [(&str, &[&str]); 3] = [
+    let ranks: [(&str, &[&str]); 4] = [
+        ("OMPI_COMM_WORLD_RANK", &["OMPI_COMM_WORLD_SIZE"]),
         (
             "PMIX_RANK",
             &["OMPI_COMM_WORLD_SIZE", "PMIX_SIZE", "SLURM_STEP_NUM_TASKS"],
@@ -867,12 +867,10 @@ fn first_rank() -> bool {
         ("PMI_RANK", &["PMI_SIZE"]),
         ("SLURM_PROCID", &["SLURM_STEP_NUM_TASKS"]),
     ];
-    let of_mpirun = number("OMPI_COMM_WORLD_RANK").is_none_or(|rank| rank == 0);
-    of_mpirun
-        && ranks.iter().all(|(rank, sizes)| {
-            let size = sizes.iter().find_map(|name| number(name));
-            !number(rank).is_some_and(|rank| rank > 0 && size.is_some_and(|size| rank < size))
-        })
+    ranks.iter().all(|(rank, sizes)| {
+        let size = sizes.iter().find_map(|name| number(name));
+        !number(rank).is_some_and(|rank| rank > 0 && size.is_some_and(|size| rank < size))
+    })
 }
 
 /// Prints a text to the standard output; a closed output is not an error.

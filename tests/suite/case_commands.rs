@@ -8,6 +8,7 @@ fn solver() -> Command {
     let mut command = Command::cargo_bin("solver").expect("the binary");
     for rank in [
         "OMPI_COMM_WORLD_RANK",
+        "OMPI_COMM_WORLD_SIZE",
         "PMIX_RANK",
         "PMI_RANK",
         "SLURM_PROCID",
@@ -145,13 +146,49 @@ fn exit_codes_tell_usage_case_and_file_apart() {
     solver().arg("validate").arg(&binary).assert().code(3);
 }
 
+/// Checks that a case that is not UTF-8 has a finding, as JSON on request: UTF-16 with its mark, and Latin-1.
+#[test]
+fn a_case_in_another_encoding_has_a_finding() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("case.json");
+    let wide: Vec<u8> = "\u{feff}{\"title\": \"a\"}"
+        .encode_utf16()
+        .flat_map(u16::to_le_bytes)
+        .collect();
+    let latin = b"{\"title\": \"gr\xfcn\"}".to_vec();
+    for (bytes, named) in [(wide, "UTF-16"), (latin, "from byte 13 on")] {
+        std::fs::write(&path, bytes).unwrap();
+        for command in ["validate", "plan"] {
+            let output = solver().arg(command).arg(&path).arg("--json").output();
+            let output = output.unwrap();
+            assert_eq!(output.status.code(), Some(3), "{output:?}");
+            let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+            assert_eq!(report["verdict"], "refused");
+            let findings = report["findings"].as_array().unwrap();
+            assert_eq!(findings.len(), 1, "{report}");
+            let reason = findings[0]["reason"].as_str().unwrap();
+            assert!(reason.contains(named), "{reason}");
+        }
+        let output = solver().arg("validate").arg(&path).output().unwrap();
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert!(told.contains("UTF-8") && told.contains(named), "{told}");
+    }
+}
+
 #[test]
 fn only_the_first_rank_speaks() {
     let folder = tempfile::tempdir().unwrap();
     let path = example(&folder, "couette");
-    for (rank, silent) in [("0", false), ("1", true)] {
+    // A rank without a number of ranks is left over from the job of a shell.
+    for (rank, size, silent) in [
+        ("0", "2", false),
+        ("1", "2", true),
+        ("1", "", false),
+        ("1", "1", false),
+    ] {
         let output = solver()
             .env("OMPI_COMM_WORLD_RANK", rank)
+            .env("OMPI_COMM_WORLD_SIZE", size)
             .arg(&path)
             .args(["--set", "time.end=-1"])
             .output()
