@@ -25,8 +25,10 @@ use super::critical_step::{largest_radius, moving};
 use super::explicit_drag::{bed_properties, porosity, stopping_times};
 use super::margin::{Margin, margin};
 use crate::scene::Scene;
+use crate::scene::auto::Subject;
 use crate::scene::findings::{Findings, number};
 use crate::scene::grains::GrainSource;
+use crate::scene::seepage::Seepage;
 use base::error::Remedy;
 use base::number::to_u32;
 use darcy::drag::GrainSize;
@@ -64,7 +66,7 @@ impl Limits {
     }
 
     /// Returns the name and value of the deciding limit, as printed by the plan.
-    fn deciding(&self) -> (&'static str, f64) {
+    pub(crate) fn deciding(&self) -> (&'static str, f64) {
         let slow = [
             ("the time in which drag stops a bed", self.drag),
             ("the damping by the dashpots of the contacts", self.damping),
@@ -148,6 +150,44 @@ pub(crate) fn limits(scene: &Scene) -> Option<Limits> {
         }));
     }
     all
+}
+
+/// Returns the reason for the coupling interval of a plan.
+pub(super) fn reason(scene: &Scene, seepage: &Seepage, clock: &Clock) -> String {
+    if seepage.written.coupling_interval.is_some() {
+        return "requested".into();
+    }
+    let step = clock.solid_time_step;
+    let wanted = seepage.coupling_interval(step, None);
+    let limits = limits(scene).map(|limits| (limits.longest(), limits.deciding().0));
+    let longest = limits.map(|(longest, _)| longest);
+    let allowed = seepage.coupling_interval(step, longest);
+    let mut text = match (limits, scene.chosen.reason_of(Subject::CouplingInterval)) {
+        (Some((longest, name)), _) if allowed < wanted => {
+            format!(
+                "the longest stable one: {name} allows {} s",
+                number(longest)
+            )
+        }
+        (_, Some(chosen)) => chosen.to_owned(),
+        (limits, None) => {
+            let kind = if seepage.is_transient() {
+                "transient"
+            } else {
+                "steady"
+            };
+            let below = limits.map_or_else(String::new, |(longest, name)| {
+                format!(", below the {} s that {name} allows", number(longest))
+            });
+            format!(
+                "the usual number of solid steps between two solutions of {kind} seepage{below}"
+            )
+        }
+    };
+    if clock.solid_steps_per_step < allowed {
+        text += ", shortened so that the end and the times of outputs fall on its multiples";
+    }
+    text
 }
 
 /// Returns the damping ratio of the normal dashpot between two grains of this radius.
@@ -295,6 +335,45 @@ mod tests {
                 assert_eq!(found.longest(), found.contact);
             }
         }
+    }
+
+    /// Checks that the plan prints the interval with its reason: stated, usual, and limited by stability.
+    #[test]
+    fn the_plan_gives_the_reason_of_the_interval() {
+        let told = |plan: &Plan| {
+            let choice = plan
+                .models
+                .iter()
+                .find(|choice| choice.what == "coupling interval");
+            let choice = choice.unwrap_or_else(|| panic!("{:?}", plan.models));
+            assert!(plan.to_string().contains(&choice.reason), "{plan}");
+            (choice.model.clone(), choice.reason.clone())
+        };
+        let (model, reason) =
+            told(&column(1e-3, 0.3, &["fluid.darcy.coupling_interval=2"]).unwrap());
+        assert!(
+            model.starts_with("2 solid steps, ") && reason == "requested",
+            "{model} {reason}"
+        );
+        let limited = column(1.0, 0.0, &[]).unwrap();
+        let longest = limits(&limited.scene).unwrap().longest();
+        let (model, reason) = told(&limited);
+        let steps = limited.clock.solid_steps_per_step;
+        assert!(
+            model.starts_with(&format!("{steps} solid steps, ")),
+            "{model}"
+        );
+        let words = format!(
+            "the longest stable one: the period of the contacts allows {} s",
+            number(longest)
+        );
+        assert_eq!(reason, words);
+        let short = column(1e-3, 0.3, &["time.solid_time_step=1e-8"]).unwrap();
+        let (_, reason) = told(&short);
+        assert!(
+            reason.starts_with("the usual number of solid steps"),
+            "{reason}"
+        );
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use super::Clock;
 use super::arithmetic;
+use super::coupling_interval;
 use super::device::device;
 use super::free_surface;
 use super::impacts;
@@ -20,6 +21,7 @@ use case::darcy::{Darcy, Unsaturated};
 use case::fluid::Device;
 use case::fluid::Precision;
 use case::joints::JointMethod;
+use case::time::SolidSteps;
 use darcy::piping::PipeWidth;
 use lbm::lattice::VelocitySet;
 use serde::Serialize;
@@ -375,10 +377,21 @@ impl Choices<'_> {
             };
             format!("requested; {x} x {y} x {z} cells{graded}, {time}")
         } else {
-            let steps = self.clock.solid_steps_per_step;
-            format!("requested; {x} x {y} x {z} cells, coupled every {steps} solid steps")
+            format!("requested; {x} x {y} x {z} cells")
         };
         self.add("fluid", "Darcy seepage", cells);
+        if !without_grains {
+            let Clock {
+                solid_steps_per_step: steps,
+                time_step,
+                ..
+            } = *self.clock;
+            self.add(
+                Subject::CouplingInterval.name(),
+                format!("{steps} solid steps, {} s", number(time_step)),
+                coupling_interval::reason(scene, seepage, self.clock),
+            );
+        }
         let of_zones = without_grains || written.unsaturated.is_some();
         if of_zones {
             let reason = if without_grains {
@@ -690,11 +703,19 @@ impl Choices<'_> {
                 "no damping is set: bodies rebound from an impact with their full speed",
             );
         }
-        self.add(
-            "solid steps",
-            format!("{} per fluid step", self.clock.solid_steps_per_step),
-            "the smallest number that keeps the safety of the critical time step, or the requested number",
-        );
+        // In seepage the coupling interval states them.
+        if scene.flow.is_some() {
+            self.add(
+                "solid steps",
+                format!("{} per fluid step", self.clock.solid_steps_per_step),
+                match scene.time.solid_steps_per_fluid_step {
+                    SolidSteps::Number(_) => "requested",
+                    SolidSteps::Auto(_) => {
+                        "the smallest number that keeps the safety of the critical time step"
+                    }
+                },
+            );
+        }
     }
 
     /// Adds the beds that probes measure.
