@@ -775,7 +775,9 @@ fn prepare(case: &CaseArgs) -> Result<Plan, Error> {
     let text = match text {
         Ok(text) => text,
         Err(io::Error::Corrupt { reason, .. }) => {
-            let reason = format!("a case is JSON text in UTF-8, but of this file {reason}");
+            // The remedy says how to save it.
+            let found = reason.split(": save").next().unwrap_or_default();
+            let reason = format!("a case is JSON text in UTF-8, and this file is not: {found}");
             let remedy = "save the file as text in UTF-8 and read it again";
             let problem = Problem::error("the text", "not UTF-8", reason, remedy);
             return list_problems(vec![problem], case);
