@@ -577,6 +577,11 @@ impl Pressure {
                 *scale = (-states[start + i].log_permeability).exp();
             }
         });
+        // The cycle also corrects cells without ground, whose pressure would drift to infinity.
+        let grid = &self.slab.grid;
+        for (cell, _) in (self.conduction.conducts.iter().enumerate()).filter(|(_, is)| !**is) {
+            own.scale[layout.position(grid.cell(cell))] = 0.0;
+        }
         let scale = &own.scale;
         for (axis, (t, faces)) in self.system.matrix.t.iter_mut().zip(&own.faces).enumerate() {
             let stride = layout.stride[axis];
