@@ -39,6 +39,9 @@ family! {
     }
 }
 
+/// Suction below which a soil is nearly saturated, in capillary lengths.
+pub(crate) const NEARLY_SATURATED: f64 = 1e-4;
+
 /// State of a soil at a pressure head.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SoilState {
@@ -91,6 +94,12 @@ pub trait RetentionLaw: Sync {
     /// Returns the height \[m\] over which the permeability decreases to about 1/e above the phreatic surface, for
     /// comparison with the cells.
     fn capillary_length(&self) -> f64;
+
+    /// Returns the exponent q with which the permeability leaves its saturated value, `1 - k_r ~ |psi|^q`: at most 1,
+    /// and below 1 if its slope is infinite at saturation.
+    fn saturation_exponent(&self) -> f64 {
+        1.0
+    }
 
     /// Returns `true` if the model defines the stored water, which a transient flow needs.
     fn stores(&self) -> bool {

@@ -4,13 +4,24 @@ use super::Unsaturated;
 use crate::SeepageError;
 use crate::pressure::Pressure;
 use crate::reproducible::{dot, power_above};
-use crate::retention::RetentionLaw;
+use crate::retention::{NEARLY_SATURATED, RetentionLaw};
 use base::number::single;
 
 /// Maximum number of halvings of a step.
 const HALVINGS: u32 = 12;
 /// Fraction of the first-order decrease of the norm that a step must reach (L. Armijo, Pac. J. Math. 16 (1966) 1).
 const DECREASE: f64 = 1e-4;
+/// Number of norms of which a step must stay below the largest, where the permeability has an infinite slope at
+/// saturation (L. Grippo, F. Lampariello and S. Lucidi, SIAM J. Numer. Anal. 23 (1986) 707): a step that crosses the
+/// edge of saturation increases the norm, and the next one, with the derivatives of the other side, decreases it.
+const MEMORY: usize = 4;
+/// Number of halvings after which a whole step is made, where the permeability has an infinite slope.
+const FEW_HALVINGS: u32 = 4;
+/// Number of whole Newton steps of a stage that are made where no fraction of a step decreases the norm.
+const FREE_STEPS: u32 = 6;
+/// Largest increase of the norm by such a step, unless the imbalance remains small relative to the largest flow.
+const HIGHEST_RISE: f64 = 10.0;
+const SMALL_IMBALANCE: f64 = 1e-3;
 /// Relative residual at which the linear solver stops.
 const FORCING: f64 = 1e-5;
 /// Fraction of the tolerance at which a time step ends, so that the stored water of the pressure agrees with the
@@ -35,6 +46,118 @@ fn edge_of_saturation(soil: &dyn RetentionLaw) -> Option<f64> {
     let edge = EDGE * length;
     let state = soil.state(edge);
     (state.capacity * length > JUMP * state.content).then_some(edge)
+}
+
+/// Limits of the change of the pressure head of a soil in a Newton step.
+struct StepLimits {
+    /// Capillary length \[m\].
+    length: f64,
+    /// Exponent of the permeability near saturation.
+    exponent: f64,
+    /// Pressure head at the edge of saturation \[m\]; none if the capacity has no jump there.
+    edge: Option<f64>,
+}
+
+impl StepLimits {
+    fn new(soil: &dyn RetentionLaw, stores: bool) -> Self {
+        let exponent = soil.saturation_exponent();
+        Self {
+            length: soil.capillary_length(),
+            exponent,
+            edge: if exponent < 1.0 {
+                Some(EDGE * soil.capillary_length())
+            } else {
+                edge_of_saturation(soil).filter(|_| stores)
+            },
+        }
+    }
+
+    /// Returns the pressure head \[m\] after a step of Newton's method that changes it by `change`, for a permeability
+    /// with an infinite slope at saturation. Newton's method does not converge there in the pressure head: its steps
+    /// lead from a cell under a slight suction far beyond saturation, and from a saturated cell, whose permeability
+    /// does not change, far into suction. The step is made in the variable w of the suction s in capillary lengths,
+    ///
+    /// ```text
+    /// w = -s^q,  s < 1;     w = -1 - q (s - 1),  s > 1;     w = -s,  s < 0
+    /// ```
+    ///
+    /// of which the permeability is a smooth function. A cell under suction reaches at most the edge of saturation.
+    fn stepped(&self, head: f64, change: f64) -> f64 {
+        let (q, steepest) = (self.exponent, NEARLY_SATURATED.powf(self.exponent - 1.0));
+        let suction = -head / self.length;
+        let (w, slope) = if suction <= 0.0 {
+            (-suction, 1.0)
+        } else if suction < NEARLY_SATURATED {
+            (-suction * steepest, steepest)
+        } else if suction < 1.0 {
+            (-suction.powf(q), q * suction.powf(q - 1.0))
+        } else {
+            (-1.0 - q * (suction - 1.0), q)
+        };
+        let next = w + slope * change / self.length;
+        let suction_next = if next >= 0.0 {
+            if suction > 0.0 {
+                -next.min(NEARLY_SATURATED)
+            } else {
+                -next
+            }
+        } else if next < -1.0 {
+            1.0 + (-next - 1.0) / q
+        } else {
+            (-next / steepest)
+                .min(NEARLY_SATURATED)
+                .max((-next).powf(1.0 / q))
+        };
+        -suction_next * self.length
+    }
+}
+
+/// Norms of the imbalances of the last Newton steps.
+struct EarlierNorms {
+    /// The norms, in a cycle; empty if every step must decrease the norm.
+    norms: Vec<f64>,
+    next: usize,
+    /// Number of whole steps that may still be made although they increase the norm.
+    free: u32,
+}
+
+impl EarlierNorms {
+    fn new(own: &Unsaturated) -> Self {
+        let (count, free) = if own.steep() {
+            (MEMORY, FREE_STEPS)
+        } else {
+            (0, 0)
+        };
+        Self {
+            norms: vec![0.0; count],
+            next: 0,
+            free,
+        }
+    }
+
+    /// Returns `true` if a whole step may be made although it increases the norm.
+    fn may_rise(&mut self) -> bool {
+        if self.free == 0 {
+            return false;
+        }
+        self.free -= 1;
+        true
+    }
+
+    /// Forgets the norms before a step that increased the norm.
+    fn forget(&mut self) {
+        self.norms.fill(0.0);
+    }
+
+    /// Adds a norm and returns the largest one.
+    fn largest_with(&mut self, norm: f64) -> f64 {
+        if self.norms.is_empty() {
+            return norm;
+        }
+        self.norms[self.next] = norm;
+        self.next = (self.next + 1) % self.norms.len();
+        self.norms.iter().copied().fold(norm, f64::max)
+    }
 }
 
 /// Vectors of the linear solver.
@@ -92,6 +215,7 @@ impl Pressure {
         let mut iterations = 0;
         self.evaluate(own);
         let mut norm = self.norm();
+        let mut earlier = EarlierNorms::new(own);
         for _ in 0..steps {
             let (residual, converged) = self.imbalance(own);
             if converged || !norm.is_finite() {
@@ -109,13 +233,24 @@ impl Pressure {
             own.start.copy_from_slice(&self.phi);
             let mut length = 1.0;
             let mut halvings = 0;
+            let reference = earlier.largest_with(norm);
             loop {
                 self.try_change(own, length);
                 self.evaluate(own);
                 let next = self.norm();
-                if next <= (1.0 - DECREASE * length) * norm {
+                if next <= (1.0 - DECREASE * length) * reference {
                     norm = next;
                     break;
+                }
+                if halvings == FEW_HALVINGS && earlier.may_rise() {
+                    self.try_change(own, 1.0);
+                    self.evaluate(own);
+                    let next = self.norm();
+                    if next <= norm * HIGHEST_RISE.max(SMALL_IMBALANCE / residual) {
+                        norm = next;
+                        earlier.forget();
+                        break;
+                    }
                 }
                 if halvings == HALVINGS {
                     return Ok(Outcome {
@@ -142,6 +277,8 @@ impl Pressure {
     /// capacity has a jump at saturation, and the shorter the time step, the smaller that suction is. Such a cell
     /// changes only to the edge of saturation, where the next Newton step has its capacity.
     ///
+    /// Soils whose permeability has an infinite slope at saturation change as [`StepLimits::stepped`] describes.
+    ///
     /// The suction of a cell grows at most by the factor [`DRIER`], and a cell under suction gets at most a pressure
     /// head of a capillary length.
     fn try_change(&mut self, own: &Unsaturated, length: f64) {
@@ -149,24 +286,25 @@ impl Pressure {
             .transient
             .as_ref()
             .is_some_and(|transient| transient.advances());
-        let edges: Vec<Option<f64>> = (own.soils.iter())
-            .map(|soil| edge_of_saturation(soil.model()).filter(|_| stores))
-            .collect();
-        let lengths: Vec<f64> = (own.soils.iter())
-            .map(|soil| soil.model().capillary_length())
+        let limits: Vec<StepLimits> = (own.soils.iter())
+            .map(|soil| StepLimits::new(soil.model(), stores))
             .collect();
         let (start, change) = (&own.start, &own.krylov.change);
         for row in self.slab.layout.rows(&self.slab.layout.whole()) {
             for at in row {
-                let soil = usize::from(own.soil_of[at]);
+                let soil = &limits[usize::from(own.soil_of[at])];
                 let of_head = |head: f64| own.weight * (own.elevation[at] + head) - self.level;
                 let head = (self.level + start[at]) / own.weight - own.elevation[at];
-                let mut phi = start[at] + length * change[at];
-                phi = phi.max(of_head(DRIER * head.min(-lengths[soil])));
+                let mut phi = if soil.exponent < 1.0 {
+                    of_head(soil.stepped(head, length * change[at] / own.weight))
+                } else {
+                    start[at] + length * change[at]
+                };
+                phi = phi.max(of_head(DRIER * head.min(-soil.length)));
                 if head < 0.0 {
-                    phi = phi.min(of_head(lengths[soil]));
+                    phi = phi.min(of_head(soil.length));
                 }
-                if let Some(edge) = edges[soil] {
+                if let Some(edge) = soil.edge {
                     let least = of_head(edge);
                     if start[at] > least && phi < least {
                         phi = least;
@@ -188,6 +326,7 @@ impl Pressure {
     /// the tolerance or is rounding.
     fn imbalance(&self, own: &Unsaturated) -> (f64, bool) {
         let (mut most, mut term) = (0.0_f64, 0.0_f64);
+        let steepest = (own.steep()).then(|| NEARLY_SATURATED * own.capillary_length());
         for row in self.slab.layout.rows(&self.slab.layout.whole()) {
             for at in row {
                 most = most.max(self.system.residual[at].abs());
@@ -198,6 +337,13 @@ impl Pressure {
                     let upper = at + self.slab.layout.stride[axis];
                     let conductance = faces[at].conductance + faces[upper].conductance;
                     term = term.max(conductance * pressure);
+                    // Rounding of a pressure changes the permeability on both sides of saturation.
+                    if let Some(edge) = steepest
+                        && own.states[at].head > -edge
+                    {
+                        let rise = self.slab.grid.spacing[axis];
+                        term = term.max(conductance * pressure * (rise / edge));
+                    }
                 }
             }
         }

@@ -1,4 +1,5 @@
 mod drains;
+mod rain;
 mod transient;
 
 use super::*;
