@@ -201,6 +201,17 @@ impl Plan {
         if e.mlups > 0.0 {
             why.push(format!("{:.3} MLUPS", e.mlups));
         }
+        let ground = self.scene.seepage.as_ref();
+        if ground.is_some_and(|ground| {
+            let unsaturated = ground.written.unsaturated.as_ref();
+            unsaturated.is_some_and(|one| one.transient.is_some())
+        }) {
+            why.push(
+                "test runs of unsaturated ground took 0.2 to 18 times as long, because the adaptive steps follow the \
+                 fronts"
+                    .into(),
+            );
+        }
         rows.push([
             "time on one core".into(),
             duration(e.seconds_on_one_core),

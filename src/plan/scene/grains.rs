@@ -4,6 +4,7 @@ use super::aligned_box::AlignedBox;
 use super::findings::{Findings, number};
 use super::grid::Grid;
 use super::motion::{motion, needs_density};
+use super::pairs::{Ball, near};
 use super::region::region;
 use super::sample::{self, ListedGrain};
 use super::structures::images;
@@ -19,6 +20,7 @@ use case::grains::{
 use case::sieve::{self, Percentiles};
 use serde::Serialize;
 use serde_json::json;
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
 use structure::Images;
@@ -42,6 +44,9 @@ pub struct Grains {
     pub radii: Option<(f64, f64)>,
     /// Number of grains before cutting.
     pub expected: usize,
+    /// Number of pairs of grains of a list or a file that touch at the start, at most those of equal spheres; 0 for
+    /// prepared grains.
+    pub contacts: usize,
 }
 
 impl Grains {
@@ -325,6 +330,7 @@ pub(crate) fn grains(
     };
     assign_zones(&mut zones, grains.zones.len(), &mut source, findings);
     Some(Grains {
+        contacts: contacts(&source, grid),
         material: default_material,
         source,
         save: grains.save.clone(),
@@ -334,6 +340,35 @@ pub(crate) fn grains(
         radii,
         expected,
     })
+}
+
+/// Largest gap of grains that touch, relative to their radii.
+const TOUCHES: f64 = 1e-3;
+/// Largest number of contacts per sphere of equal spheres, each of two spheres.
+const MOST_CONTACTS: usize = 6;
+
+/// Returns the number of pairs of listed grains that touch.
+fn contacts(source: &GrainSource, grid: &Grid) -> usize {
+    let (GrainSource::List(grains) | GrainSource::File { grains, .. }) = source else {
+        return 0;
+    };
+    let ball = |grain: &ListedGrain| Ball {
+        at: grain.position,
+        reach: grain.radius * (1.0 + TOUCHES),
+    };
+    let balls: Vec<Ball> = grains.iter().map(ball).collect();
+    let period = std::array::from_fn(|a| grid.periodic[a].then_some(grid.size[a]));
+    let mut pairs = 0;
+    let _ = near(&balls, period, |_, _| {
+        pairs += 1;
+        // Grains that overlap are another finding.
+        if pairs < MOST_CONTACTS * grains.len() {
+            ControlFlow::Continue(())
+        } else {
+            ControlFlow::Break(())
+        }
+    });
+    pairs
 }
 
 /// Assigns zones to listed grains, and warns of zones without grains.
