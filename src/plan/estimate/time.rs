@@ -137,7 +137,7 @@ const MOVING_LINK: f64 = 2.5e-7;
 /// Time of an entry of the factors of a network of joints in a step, if all blocks are fixed, and if blocks move \[s\].
 const JOINT_ENTRY: [f64; 2] = [4.5e-9, 9e-9];
 /// Time of a cell of unsaturated ground in the first solution, and in a later one \[s\]. The number of adaptive steps in
-/// a later one follows the fronts: 27 runs took 0.2 to 18 times this (`jobs/plans/unsaturated.csv`).
+/// a later one follows the fronts: 22 runs took 0.2 to 18 times this (`jobs/plans/unsaturated.csv`).
 const UNSATURATED: [f64; 2] = [1.2e-4, 5e-6];
 /// Time of an output without the bytes of its fields \[s\].
 const OUTPUT: f64 = 2.5e-3;
