@@ -289,6 +289,11 @@ fn what_does_not_go_with_grains_in_unsaturated_ground_is_refused_by_name() {
             "has no effect",
         ),
         (
+            &[r#"fluid.darcy.zones[0].permeability={"factor": 0.5}"#],
+            "fluid.darcy.zones[0].permeability.factor",
+            "unsaturated ground has the permeability that its zones state as a number",
+        ),
+        (
             &["fluid.darcy.transient_porosity=true"],
             "fluid.darcy.transient_porosity",
             "has no effect",

@@ -225,6 +225,16 @@ fn what_does_not_go_with_ground_that_drains_is_refused_by_name() {
             "the solution may not converge",
         ),
         (
+            r#"fluid.darcy.zones[0].permeability={"factor": 0.5}"#.to_owned(),
+            "fluid.darcy.zones[0].permeability.factor",
+            "a factor multiplies a permeability that follows from grains",
+        ),
+        (
+            r#"fluid.darcy.zones[0].permeability={"resistance": "gidaspow"}"#.to_owned(),
+            "fluid.darcy.zones[0].permeability.resistance",
+            "unsaturated ground has the permeability that its zones state",
+        ),
+        (
             "gravity=[0.1, -9.81]".to_owned(),
             "probes[0].at.water_table",
             "gravity does not point along an axis",

@@ -353,15 +353,6 @@ impl Seepage {
                 );
             }
         }
-        for (n, zone) in self.written.zones.iter().enumerate() {
-            if matches!(zone.permeability, Some(ZonePermeability::Resistance(_))) {
-                findings.error(
-                    &format!("{PATH}.zones[{n}].permeability.resistance"),
-                    "transient flow needs permeabilities that do not depend on the flow",
-                    "write a `value` or a `hydraulic_conductivity`",
-                );
-            }
-        }
     }
 
     /// Refuses seepage faces and evaporation in saturated ground.
