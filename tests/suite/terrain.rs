@@ -310,7 +310,7 @@ fn rain_that_runs_off_a_slope_has_the_same_bits() {
             },
             "zones": [{"name": "loam", "permeability": {"hydraulic_conductivity": 3e-6}}],
             "unsaturated": {
-                "retention": {"van_genuchten": {"alpha": 3.6, "n": 1.56, "saturated_content": 0.43, "residual_content": 0.078}},
+                "retention": {"van_genuchten": {"alpha": 3.6, "n": 1.56, "saturated_content": 0.43}},
                 "transient": {"initial": {"pressure_head": -2}}
             },
             "boundaries": [{"name": "base", "face": "y_min", "condition": {"seepage_face": {}}}]

@@ -76,8 +76,8 @@ fn the_lesson_on_clusters_ends_in_the_same_state() {
     assert_ne!(half, whole);
 }
 
-/// Checks the lesson on the embankment as its text has it: the plan, the run, every line that a command prints and every
-/// number of the prose, and the flow net.
+/// Checks the lesson on the embankment as its text has it: the plan, the run, every line that a command prints and
+/// every number of the prose, and the flow net.
 #[test]
 fn the_lesson_on_the_embankment_prints_what_its_text_says() {
     let _beside = beside_others();

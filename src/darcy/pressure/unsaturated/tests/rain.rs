@@ -116,10 +116,11 @@ fn matric_potential(law: &VanGenuchten, suction: f64) -> f64 {
     (inner + 0.5 * (value(0) + value(parts))) * last / f64::from(parts)
 }
 
-/// Checks the time until ponding between two limits, for which the water that has entered is known. For a sharp front it
-/// is S dtheta/(R/K - 1) (R. G. Mein and C. L. Larson, Water Resour. Res. 9 (1973) 384), for a permeability that is
-/// exponential in the content S dtheta ln[R/(R - K)] (R. E. Smith and J.-Y. Parlange, Water Resour. Res. 14 (1978) 533).
-/// The suction S of the front is the integral of the relative permeability (S. P. Neuman, Water Resour. Res. 12 (1976) 564).
+/// Checks the time until ponding between two limits, for which the water that has entered is known. For a sharp front
+/// it is S dtheta/(R/K - 1) (R. G. Mein and C. L. Larson, Water Resour. Res. 9 (1973) 384), for a permeability that is
+/// exponential in the content S dtheta ln[R/(R - K)] (R. E. Smith and J.-Y. Parlange, Water Resour. Res. 14 (1978)
+/// 533). The suction S of the front is the integral of the relative permeability (S. P. Neuman, Water Resour. Res. 12
+/// (1976) 564).
 #[test]
 fn rain_ponds_between_the_times_of_two_limits() {
     let law = SOILS[0];
