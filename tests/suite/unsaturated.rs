@@ -225,6 +225,11 @@ fn what_does_not_go_with_ground_that_drains_is_refused_by_name() {
             "the solution may not converge",
         ),
         (
+            format!(r#"{condition}={{"rain": {{"rate": 1e-7}}}}"#),
+            condition,
+            "the face does not face upwards",
+        ),
+        (
             r#"fluid.darcy.zones[0].permeability={"factor": 0.5}"#.to_owned(),
             "fluid.darcy.zones[0].permeability.factor",
             "a factor multiplies a permeability that follows from grains",
@@ -604,4 +609,25 @@ fn a_closed_column_stores_its_rain_until_the_stated_end() {
     assert!((table[0][1] - 7200.0).abs() < 1e-6, "{:?}", table[0]);
     let rain = 1e-7 * 0.5 * 93_600.0;
     assert!((last[3] / rain - 1.0).abs() < 1e-9, "{last:?}");
+}
+
+/// Checks that a table of rain cannot fall below 0, as the rate of a condition cannot.
+#[test]
+fn a_table_of_rain_has_no_negative_rate() {
+    let text = examples::find("infiltration").unwrap().text;
+    let boundary = r#"fluid.darcy.boundaries[0]={"name": "top", "face": "y_max", "condition": {"rain": {"rate": 1e-6}},
+        "history": [[0, 1e-6], [3600, RATE]]}"#;
+    for (rate, refused) in [("0", false), ("-1e-6", true)] {
+        let set = [boundary.replace("RATE", rate)];
+        let found = Document::read(text, &set, Path::new(".")).and_then(Plan::prepare);
+        let problems = found.err().unwrap_or_default();
+        let path = "fluid.darcy.boundaries[0].history";
+        let named = problems
+            .iter()
+            .any(|p| p.path == path && p.reason.contains("-1"));
+        assert!(
+            named == refused && problems.len() == usize::from(refused),
+            "{problems:#?}"
+        );
+    }
 }

@@ -22,6 +22,14 @@ const MAX_SOILS: usize = 255;
 /// Thickness of the phreatic surface in ground without suction, in cell heights.
 const SURFACE: f64 = 0.1;
 
+/// Returns `true` for rain and evaporation.
+fn is_weather(condition: Condition) -> bool {
+    matches!(
+        condition,
+        Condition::Rain { .. } | Condition::Evaporation { .. }
+    )
+}
+
 impl Seepage {
     /// Sets the thickness of the phreatic surface from the height of the cells if the case states none.
     pub(super) fn resolve_surface(&mut self, gravity: [f64; 3]) {
@@ -218,6 +226,13 @@ impl Seepage {
                     "an impermeable face has no value that could follow a table",
                     "use another condition",
                 )
+            } else if let Some([_, value]) = table
+                .iter()
+                .find(|[_, value]| *value < 0.0 && is_weather(condition))
+            {
+                let reason = format!("a rate of rain or evaporation is {} m/s", number(*value));
+                findings.error(&path, reason, "write rates of at least 0 m/s");
+                continue;
             } else {
                 history::check(table, &path, findings);
                 continue;
@@ -226,10 +241,32 @@ impl Seepage {
         }
     }
 
+    /// Warns of rain and evaporation on faces that do not face upwards.
+    fn check_weather(&self, case: &Case, findings: &mut Findings) {
+        let gravity = case.gravity.as_ref().map(|g| g.to_array());
+        for (n, patch) in self.patches.iter().enumerate() {
+            let pull = gravity.map_or(0.0, |gravity| gravity[patch.face.axis()]);
+            let upwards = if patch.face.is_max() {
+                pull < 0.0
+            } else {
+                pull > 0.0
+            };
+            if is_weather(patch.condition) && !upwards {
+                findings.warn(
+                    &format!("{PATH}.boundaries[{n}].condition"),
+                    "the face does not face upwards, and rain and evaporation are volumes per horizontal area, so \
+                     that none passes through it",
+                    "state a `flux`, or choose the face at the top of the ground",
+                );
+            }
+        }
+    }
+
     /// Checks the soil of unsaturated ground, and refuses features that need it in saturated ground.
     pub(super) fn check_unsaturated(&self, case: &Case, grid: &Grid, findings: &mut Findings) {
         self.check_layers(findings);
         self.check_histories(findings);
+        self.check_weather(case, findings);
         let path = format!("{PATH}.unsaturated");
         let Some(soil) = &self.written.unsaturated else {
             self.refuse_seepage_faces(findings);
