@@ -76,6 +76,46 @@ fn the_lesson_on_clusters_ends_in_the_same_state() {
     assert_ne!(half, whole);
 }
 
+/// Returns the numbers of a line of a table.
+fn numbers(line: &str) -> Vec<f64> {
+    let cells = line.trim().split(',');
+    cells.map(|cell| cell.parse().unwrap()).collect()
+}
+
+/// Compares the lines that the commands `tail` and `grep` of a text print with those of the tables; returns their
+/// number.
+fn compare_printed_lines(block: &[&str], read: &dyn Fn(&str) -> String) -> usize {
+    let mut printed = 0;
+    for pair in block.windows(2) {
+        let words: Vec<&str> = pair[0].trim().split(' ').collect();
+        let Some(file) = words
+            .last()
+            .and_then(|word| word.strip_prefix("run/probe_"))
+        else {
+            continue;
+        };
+        let table = read(&format!("probe_{file}"));
+        let found = match words[0] {
+            "tail" => table.lines().last(),
+            "grep" => table
+                .lines()
+                .find(|line| line.contains(words[1].trim_matches('\''))),
+            _ => continue,
+        };
+        let (found, stated) = (numbers(found.unwrap()), numbers(pair[1]));
+        assert_eq!(found.len(), stated.len(), "{}", pair[0]);
+        for (found, stated) in found.iter().zip(&stated) {
+            assert!(
+                (found - stated).abs() <= 1e-6 * stated.abs(),
+                "{}: {found} {stated}",
+                pair[0]
+            );
+        }
+        printed += 1;
+    }
+    printed
+}
+
 /// Checks the lesson on the embankment as its text has it: the plan, the run, every line that a command prints and
 /// every number of the prose, and the flow net.
 #[test]
@@ -116,40 +156,7 @@ fn the_lesson_on_the_embankment_prints_what_its_text_says() {
     }
     solver("solver case.json --output run");
     let read = |name: &str| std::fs::read_to_string(work.path().join("run").join(name)).unwrap();
-    let numbers = |line: &str| -> Vec<f64> {
-        line.trim()
-            .split(',')
-            .map(|cell| cell.parse().unwrap())
-            .collect()
-    };
-    let mut printed = 0;
-    for pair in block.windows(2) {
-        let words: Vec<&str> = pair[0].trim().split(' ').collect();
-        let Some(file) = words
-            .last()
-            .and_then(|word| word.strip_prefix("run/probe_"))
-        else {
-            continue;
-        };
-        let table = read(&format!("probe_{file}"));
-        let found = match words[0] {
-            "tail" => table.lines().last(),
-            "grep" => table
-                .lines()
-                .find(|line| line.contains(words[1].trim_matches('\''))),
-            _ => continue,
-        };
-        let (found, stated) = (numbers(found.unwrap()), numbers(pair[1]));
-        assert_eq!(found.len(), stated.len(), "{}", pair[0]);
-        for (found, stated) in found.iter().zip(&stated) {
-            assert!(
-                (found - stated).abs() <= 1e-6 * stated.abs(),
-                "{}: {found} {stated}",
-                pair[0]
-            );
-        }
-        printed += 1;
-    }
+    let printed = compare_printed_lines(&block, &read);
     assert_eq!(printed, 3);
     let line = |name: &str, column: usize, value: f64| -> Vec<f64> {
         let table = read(name);

@@ -77,10 +77,7 @@ impl Seepage {
                 (directions, shear) = dipping(zone.anisotropy.unwrap_or(1.0), dip);
             }
             let raster = raster(case, zone, grid, (&path, permeable), findings);
-            if alone {
-                let drains = written.unsaturated.is_some();
-                refuse_laws_of_grains(zone, raster.as_ref(), (&path, drains), findings);
-            }
+            self.refuse_laws_of_grains(zone, raster.as_ref(), (&path, alone), findings);
             let conducts = matches!(
                 zone.permeability,
                 Some(ZonePermeability::HydraulicConductivity(_))
@@ -123,6 +120,44 @@ impl Seepage {
             }
         }
         Some(Arc::new(all))
+    }
+
+    /// Refuses a permeability that follows from that of grains where none does: without grains, and in unsaturated ground,
+    /// whose permeability the zones state.
+    fn refuse_laws_of_grains(
+        &self,
+        zone: &Zone,
+        raster: Option<&Raster>,
+        (path, alone): (&str, bool),
+        findings: &mut Findings,
+    ) {
+        let multiplies = |raster: &Raster| {
+            let first = raster.permeability.first();
+            matches!(first, Some(Rule::Factor(_)))
+        };
+        let (place, what) = match zone.permeability {
+            Some(ZonePermeability::Factor(_)) => ("permeability.factor", "a factor multiplies"),
+            Some(ZonePermeability::Resistance(_)) => {
+                ("permeability.resistance", "a law of resistance needs")
+            }
+            _ if raster.is_some_and(multiplies) => {
+                ("raster.path", "the column `factor` multiplies")
+            }
+            _ => return,
+        };
+        if !alone {
+            return;
+        }
+        let why = if self.written.unsaturated.is_some() {
+            "unsaturated ground has the permeability that its zones state as a number"
+        } else {
+            "the case has no grains"
+        };
+        findings.error(
+            &format!("{path}.{place}"),
+            format!("{what} a permeability that follows from grains, and {why}"),
+            "write a `value` or a `hydraulic_conductivity`, or a raster of them",
+        );
     }
 
     /// Checks the requirements of dipping beds.
@@ -224,38 +259,6 @@ impl Seepage {
             })
             .collect()
     }
-}
-
-/// Refuses a permeability that follows from that of grains where none does: without grains, and in unsaturated ground,
-/// whose permeability the zones state.
-fn refuse_laws_of_grains(
-    zone: &Zone,
-    raster: Option<&Raster>,
-    (path, drains): (&str, bool),
-    findings: &mut Findings,
-) {
-    let multiplies = |raster: &Raster| {
-        let first = raster.permeability.first();
-        matches!(first, Some(Rule::Factor(_)))
-    };
-    let (place, what) = match zone.permeability {
-        Some(ZonePermeability::Factor(_)) => ("permeability.factor", "a factor multiplies"),
-        Some(ZonePermeability::Resistance(_)) => {
-            ("permeability.resistance", "a law of resistance needs")
-        }
-        _ if raster.is_some_and(multiplies) => ("raster.path", "the column `factor` multiplies"),
-        _ => return,
-    };
-    let why = if drains {
-        "unsaturated ground has the permeability that its zones state as a number"
-    } else {
-        "the case has no grains"
-    };
-    findings.error(
-        &format!("{path}.{place}"),
-        format!("{what} a permeability that follows from grains, and {why}"),
-        "write a `value` or a `hydraulic_conductivity`, or a raster of them",
-    );
 }
 
 /// Returns the permeability of a zone along each axis divided by the stated one; reports a finding if gravity
