@@ -92,6 +92,40 @@ def chimney():
     save(figure, "chimney")
 
 
+def piping_grains():
+    """Draws the front of the discs below a cover over the gradient, the discharge at heads that stay, and H/L against L with the rule of 2011."""
+    curves, runs = rows("piping_grains_curves"), rows("piping_grains_runs")
+    if not curves or not runs:
+        return
+    figure, (left, middle, right) = plt.subplots(1, 3, figsize=(12, 3.8))
+    lengths = list(dict.fromkeys(row["length_over_d"] for row in runs))
+    for shade, length in enumerate(lengths):
+        for seed in sorted({row["packing"] for row in curves if row["length_over_d"] == length and row["head"] == "ramp"}):
+            part = [row for row in curves if (row["length_over_d"], row["packing"], row["head"]) == (length, seed, "ramp")]
+            label = f"L = {length} d" if seed == "1" else None
+            left.plot([float(row["gradient"]) for row in part], [float(row["front_over_length"]) for row in part], f"C{shade}", lw=1, label=label)
+    for shade, head in enumerate(sorted({row["head"] for row in curves} - {"ramp"})):
+        part = [row for row in curves if row["head"] == head and float(row["gradient"]) >= 0.2]
+        flow = [float(row["discharge_over_head_m_s"]) for row in part]
+        middle.semilogy([float(row["time_s"]) for row in part], [value / flow[4] for value in flow], f"C{shade}", lw=1, label=f"H/L = {head}, L = {part[0]['length_over_d']} d")
+    for shade, (value, label) in enumerate((("front_0.5_L", "front at L/2"), ("front_0.9_L", "front at 0.9 L"), ("water_breaks_through", "water breaks through"))):
+        points = [(float(row["length_over_d"]) * (1 + 0.03 * shade), float(row[f"gradient_{value}"])) for row in runs if row[f"gradient_{value}"] != "nan"]
+        right.loglog(*zip(*points), "o", ms=4, label=label)
+    for angle, style in ((37, "k-"), (20, "k--")):
+        line = [(float(length), sum(float(row[f"rule_{angle}_degrees"]) for row in runs if row["length_over_d"] == length) / sum(row["length_over_d"] == length for row in runs)) for length in lengths]
+        right.loglog(*zip(*line), style, lw=1, label=f"rule of 2011, {angle} degrees")
+    left.set(xlabel="H/L (ramp)", ylabel="front of moved discs over L")
+    middle.set(xlabel="time [s]", ylabel="discharge over head, relative to 0.2 s")
+    right.set(xlabel="L/d", ylabel="H/L")
+    right.set_xticks([float(length) for length in lengths], lengths)
+    right.set_xticks([], minor=True)
+    right.set_yticks([0.2, 0.3, 0.4, 0.5, 0.6], ["0.2", "0.3", "0.4", "0.5", "0.6"])
+    right.set_yticks([], minor=True)
+    for axes in (left, middle, right):
+        axes.legend(frameon=False, fontsize=7)
+    save(figure, "piping_grains")
+
+
 def bars(name, group, values, label):
     """Draws the runs of a table as points, one column for each group."""
     table = rows(name)
@@ -114,6 +148,7 @@ def main():
     columns()
     jet()
     chimney()
+    piping_grains()
     bars("heap_runs", "program", ["run_out_over_length", "centre_over_length"], "over the length of the column")
 
 
