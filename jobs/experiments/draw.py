@@ -126,6 +126,29 @@ def piping_grains():
     save(figure, "piping_grains")
 
 
+def laboratory():
+    """Draws the laboratory tests of both programs, one line for each packing."""
+    table = rows("laboratory_curves")
+    if not table:
+        return
+    figure, parts = plt.subplots(1, 3, figsize=(10, 3.4))
+    labels = {
+        "oedometer": ("axial strain", "axial stress [kPa]", 1e-3),
+        "biaxial": ("axial strain", "axial over lateral stress", 1),
+        "shear": ("path over height", "shear over normal stress", 1),
+    }
+    for axes, (test, (across, up, scale)) in zip(parts, labels.items()):
+        for program, colour, width in (("solver", "C0", 1.6), ("LAMMPS", "C3", 0.6)):
+            part = [row for row in table if (row["test"], row["program"]) == (test, program)]
+            for place, seed in enumerate(sorted({row["packing"] for row in part})):
+                points = [(float(row["path"]), scale * float(row["value"])) for row in part if row["packing"] == seed]
+                axes.plot(*zip(*points), colour, lw=width, label=None if place else program)
+        axes.set(xlabel=across, ylabel=up, title=test)
+        axes.set_ylim(bottom=0)
+    parts[0].legend(frameon=False, fontsize=7)
+    save(figure, "laboratory")
+
+
 def bars(name, group, values, label):
     """Draws the runs of a table as points, one column for each group."""
     table = rows(name)
@@ -149,6 +172,7 @@ def main():
     jet()
     chimney()
     piping_grains()
+    laboratory()
     bars("heap_runs", "program", ["run_out_over_length", "centre_over_length"], "over the length of the column")
 
 

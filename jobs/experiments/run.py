@@ -1,13 +1,14 @@
 """Runs the rows of the table in README.md again.
 
-    python3 jobs/experiments/run.py NAME ...        columns, jet, chimney, heap, jet-erosion, backward-erosion, piping-grains
+    python3 jobs/experiments/run.py NAME ...
+                                      columns, jet, chimney, heap, laboratory, jet-erosion, backward-erosion, piping-grains
 """
 
 import importlib
 import sys
 
-ROWS = {"columns": "columns", "heap": "heap", "jet": "jet", "chimney": "chimney", "jet-erosion": "jet_erosion",
-        "backward-erosion": "backward_erosion", "piping-grains": "piping_grains"}
+ROWS = {"columns": "columns", "heap": "heap", "laboratory": "laboratory", "jet": "jet", "chimney": "chimney",
+        "jet-erosion": "jet_erosion", "backward-erosion": "backward_erosion", "piping-grains": "piping_grains"}
 
 
 def main():
