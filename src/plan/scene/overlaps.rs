@@ -29,6 +29,8 @@ use std::ops::ControlFlow;
 
 /// Maximum initial overlap as a fraction of the smaller solid's inscribed radius.
 const ALLOWED: f64 = 0.05;
+/// Depth of a solid in a box that is rounding, as a fraction of its radius.
+const TOUCHES: f64 = 1e-9;
 /// Maximum number of findings of one kind that are listed.
 const NAMED: usize = 20;
 /// Maximum number of pairs that are counted.
@@ -549,7 +551,9 @@ impl<'a> Start<'a> {
         };
         let standing = self.standing();
         let hit = standing.iter().filter(|one| {
-            let meets = |space: &AlignedBox| space.touches(one.position.into(), one.radius);
+            // A body may touch the box.
+            let radius = one.radius * (1.0 - TOUCHES);
+            let meets = |space: &AlignedBox| space.touches(one.position.into(), radius);
             boxes.iter().any(meets) && !emptied(&one.position, one.radius)
         });
         for one in hit.take(NAMED) {
@@ -672,6 +676,31 @@ mod tests {
     use base::error::{Problem, Severity};
     use case::{Document, examples};
     use std::path::Path;
+
+    #[test]
+    fn a_body_may_touch_the_box_of_growing_grains() {
+        let refused = |below: f64| {
+            let case = serde_json::json!({
+                "domain": {"size": [0.04, 0.044], "spacing": 0.002},
+                "materials": {"glass": {"density": 2500}},
+                "grains": {"material": "glass", "initial": {"growth": {
+                    "amount": {"solid_fraction": 0.8}, "radii": {"uniform": {"min": 8e-4, "max": 1.2e-3}},
+                    "box": {"from": [0, 0.002], "to": [0.04, 0.04]}}}},
+                "contact": {"linear": {"normal_stiffness": {"absolute": 2e6}, "friction_angle_degrees": 20}},
+                "bodies": [
+                    {"name": "below", "shape": {"disc": {"radius": 0.001}}, "position": [0.02, below],
+                     "motion": {"fixed": {}}, "material": "glass"},
+                    {"name": "above", "shape": {"disc": {"radius": 0.001}}, "position": [0.02, 0.041],
+                     "motion": {"fixed": {}}, "material": "glass"}],
+                "time": {"end": 0.01}
+            });
+            let document = Document::read(&case.to_string(), &[], Path::new(".")).unwrap();
+            let problems = Plan::prepare(document).err().unwrap_or_default();
+            problems.iter().any(|p| p.reason.contains("grains grow at"))
+        };
+        assert!(!refused(0.001));
+        assert!(refused(0.00101));
+    }
 
     #[test]
     fn grains_do_not_fall_through_a_body() {

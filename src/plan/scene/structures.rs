@@ -446,6 +446,27 @@ mod tests {
             "structures[0].shape",
             "smallest grain",
         );
+        let mut text = json!({
+            "domain": {"size": [0.02, 0.02, 0.02], "spacing": 0.001},
+            "materials": {"glass": {"density": 2500}},
+            "contact": {"linear": {"normal_stiffness": {"absolute": 1e3}, "friction_angle_degrees": 30}},
+            "grains": {"material": "glass", "initial": {"list": [
+                {"position": [0.005, 0.005, 0.015], "radius": 0.001}]}},
+            "walls": [{"name": "cup", "material": "glass", "shape": {"box": {
+                "from": [0.01, 0.01, 0.01], "to": [0.01004, 0.01004, 0.01004]}}}],
+            "time": {"end": 0.01}
+        });
+        told(
+            &findings(&text, Path::new(".")),
+            "walls[0].shape.box",
+            "smallest grain",
+        );
+        text["walls"][0]["shape"]["box"]["to"] = json!([0.014, 0.014, 0.014]);
+        let wall = findings(&text, Path::new("."));
+        assert!(
+            !wall.iter().any(|p| p.path.starts_with("walls")),
+            "{wall:?}"
+        );
         for found in [case(2e-3, true, "grains"), case(2e-3, false, "all")] {
             assert!(
                 !found.iter().any(|p| p.path.starts_with("structures")),

@@ -392,6 +392,18 @@ fn periods(grid: &Grid) -> [f64; 3] {
     })
 }
 
+/// Returns the lowest and the highest coordinates of a surface \[m\].
+fn extent(surface: &FacetSurface) -> [[f64; 3]; 2] {
+    let corners = (0..surface.len()).flat_map(|facet| surface.corners(facet));
+    let none = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+    corners.fold(none, |[low, high], corner| {
+        [
+            std::array::from_fn(|a| low[a].min(corner[a])),
+            std::array::from_fn(|a| high[a].max(corner[a])),
+        ]
+    })
+}
+
 /// Reports grains that are too large for facets in a domain with a short period.
 fn report_large_grains(case: &Case, surface: &FacetSurface, path: &str, findings: &mut Findings) {
     let largest = grain_diameters(case).map_or(0.0, |(_, high)| 0.5 * high);
@@ -600,6 +612,7 @@ fn facets(
     match made {
         Ok(surface) => {
             report_large_grains(case, &surface, &path, findings);
+            in_water::warn_of_size(case, extent(&surface), &path, findings);
             Some(surface)
         }
         Err(reason) => {

@@ -35,7 +35,7 @@ pub(super) fn walls_of_structures(
 ) -> Vec<SceneWall> {
     for (n, structure) in structures.iter().enumerate() {
         if structure.stops.grains() {
-            check_grains(case, grid, structure, &format!("structures[{n}]"), findings);
+            check_grains(case, structure, &format!("structures[{n}]"), findings);
         }
     }
     let moving = case.grains.is_some() || case.blocks.is_some() || !case.bodies.is_empty();
@@ -121,13 +121,7 @@ pub(super) fn walls_of_structures(
 }
 
 /// Warns of a structure that stops grains where there are none, or that is much smaller than each of them.
-fn check_grains(
-    case: &Case,
-    grid: &Grid,
-    structure: &Structure,
-    path: &str,
-    findings: &mut Findings,
-) {
+fn check_grains(case: &Case, structure: &Structure, path: &str, findings: &mut Findings) {
     let generated = (case.regions.iter()).any(|r| matches!(r.action, Action::Generate { .. }));
     let moving = case.grains.is_some() || case.blocks.is_some() || !case.bodies.is_empty();
     if !moving && !generated {
@@ -141,20 +135,31 @@ fn check_grains(
         }
         return;
     }
+    let extent = structure.solid.solid().extent();
+    warn_of_size(case, extent, &format!("{path}.shape"), findings);
+}
+
+/// Warns of a solid between two corners \[m\] that is much smaller than each grain.
+pub(super) fn warn_of_size(
+    case: &Case,
+    [low, high]: [[f64; 3]; 2],
+    path: &str,
+    findings: &mut Findings,
+) {
     let spheres = case.blocks.is_none() && case.bodies.is_empty();
     let Some((smallest, _)) = grain_diameters(case).filter(|_| spheres) else {
         return;
     };
-    let [low, high] = structure.solid.solid().extent();
-    // A negated comparison, so that an infinite solid does not count as small.
-    if (0..grid.dimension).all(|a| high[a] - low[a] < NO_SHAPE * smallest) {
+    let dimension = case.domain.size.0.len();
+    // An infinite solid does not count as small.
+    if (0..dimension).all(|a| high[a] - low[a] < NO_SHAPE * smallest) {
         findings.warn(
-            &format!("{path}.shape"),
+            path,
             format!(
                 "the solid is smaller than {NO_SHAPE} of the smallest grain, {} m, so that it stops hardly any grain",
                 number(smallest)
             ),
-            "check that lengths are in m (the unit of a mesh is its `scale`), or remove the structure",
+            "check that lengths are in m (the unit of a mesh is its `scale`), or remove it",
         );
     }
 }
