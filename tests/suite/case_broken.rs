@@ -1271,6 +1271,20 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "fluid.darcy.viscosity",
     ),
     (
+        "part of an uplift outside the ground",
+        "earth-dam",
+        Set(&[
+            "probes[0].at={\"uplift\": {\"axis\": \"y\", \"position\": 0, \"part\": {\"from\": [1e3, 0], \"to\": [2e3, 1]}}}",
+        ]),
+        "probes[0].at.uplift.part",
+    ),
+    (
+        "section across z in two dimensions",
+        "earth-dam",
+        Set(&["probes[0].at={\"section\": {\"axis\": \"z\", \"position\": 1}}"]),
+        "probes[0].at.section.axis",
+    ),
+    (
         "seepage without outlet",
         "seepage",
         Set(&["fluid.darcy.boundaries=[]"]),

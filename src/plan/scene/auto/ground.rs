@@ -16,7 +16,7 @@
 //! | discharge, volume of water, exit gradient | the value itself |
 //! | head | the range of imposed and initial heads, at least the height of ground with suction |
 //! | phreatic line | the height of the ground |
-//! | uplift, thrust and moment | the pressure of the whole range of heads over the base or the depth of the structure |
+//! | uplift, thrust and moment | the pressure of the whole range of heads over the base or the depth of the structure, and times the lever |
 //! | front: where the pressure head along a line is half of that at the start | the height of the ground |
 
 mod lengths;
@@ -29,6 +29,7 @@ use crate::scene::aligned_box::AlignedBox;
 use crate::scene::findings::{Findings, number};
 use crate::scene::observe::ProbeAt;
 use crate::scene::seepage::Seepage;
+use crate::scene::structures::Structure;
 use base::number::{real, whole};
 use case::Case;
 use case::darcy::InitialState;
@@ -329,19 +330,27 @@ fn asked(scene: &Scene, seepage: &Seepage, ground: &Ground) -> Vec<PromisedAnswe
                 add(format!("{name}: water_in"), "water", None);
                 add(format!("{name}: water_out"), "water", None);
             }
-            ProbeAt::Uplift { axis, part, .. } if *axis == up => {
-                let width = width_of(seepage, part.as_ref(), across);
+            ProbeAt::Uplift {
+                axis, part, about, ..
+            } if *axis == up => {
+                let [low, high] = ends_of(seepage, part.as_ref(), across);
+                let width = high - low;
                 let force = weight * ground.drop * width;
+                let lever = (low - about[across])
+                    .abs()
+                    .max((high - about[across]).abs());
                 add(format!("{name}: force"), "uplift", Some(force));
-                add(format!("{name}: torque_z"), "moment", Some(force * width));
+                let scale = force * lever.max(width);
+                add(format!("{name}: torque_z"), "moment", Some(scale));
             }
-            ProbeAt::Structure { index, .. } => {
+            ProbeAt::Structure { index, about, .. } => {
                 let of_water = scene.structures.iter().filter(|s| s.stops.water());
                 let parts = of_water.zip(ground.parts.iter());
-                let Some((_, [width, depth])) = parts.into_iter().nth(*index) else {
+                let Some((structure, [width, depth])) = parts.into_iter().nth(*index) else {
                     continue;
                 };
                 let push = |size: f64| weight * ground.drop * size;
+                let size = width.max(*depth);
                 let [along, upright] = [across, up].map(|a| ["x", "y"][a]);
                 add(
                     format!("{name}: fluid_force_{upright}"),
@@ -359,7 +368,7 @@ fn asked(scene: &Scene, seepage: &Seepage, ground: &Ground) -> Vec<PromisedAnswe
                 add(
                     format!("{name}: fluid_torque_z"),
                     "moment on a structure",
-                    Some(push(*width) * width.max(*depth)),
+                    Some(push(size) * lever(structure, *about).max(size)),
                 );
             }
             ProbeAt::Uplift { .. } => add(format!("{name}: force"), "thrust on a plane", None),
@@ -383,11 +392,23 @@ fn asked(scene: &Scene, seepage: &Seepage, ground: &Ground) -> Vec<PromisedAnswe
     answers
 }
 
-/// Returns the length of a part of a plane along an axis, within the grid \[m\].
-fn width_of(seepage: &Seepage, part: Option<&AlignedBox>, axis: usize) -> f64 {
+/// Returns the largest distance of a corner of a structure from a point along an axis \[m\]; 0 for an infinite structure.
+fn lever(structure: &Structure, about: [f64; 3]) -> f64 {
+    let corners = structure.solid.solid().extent();
+    let along = |a: usize| {
+        let [low, high] = [0, 1].map(|k| (corners[k][a] - about[a]).abs());
+        low.max(high)
+    };
+    Some(along(0).max(along(1)))
+        .filter(|lever| lever.is_finite())
+        .unwrap_or(0.0)
+}
+
+/// Returns the ends of a part of a plane along an axis, within the grid \[m\].
+fn ends_of(seepage: &Seepage, part: Option<&AlignedBox>, axis: usize) -> [f64; 2] {
     let (low, high) = (seepage.origin[axis], seepage.axis(axis).end());
-    part.map_or(high - low, |part| {
-        part.to[axis].min(high) - part.from[axis].max(low)
+    part.map_or([low, high], |part| {
+        [part.from[axis].max(low), part.to[axis].min(high)]
     })
 }
 

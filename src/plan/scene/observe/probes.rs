@@ -488,7 +488,7 @@ impl Measured<'_> {
         path: &str,
         findings: &mut Findings,
     ) -> ProbeAt {
-        let (grid, axis) = (self.grid, axis.index());
+        let grid = self.grid;
         if matches!(self.case.fluid, Some(Fluid::LatticeBoltzmann(_))) {
             findings.error(
                 path,
@@ -496,22 +496,43 @@ impl Measured<'_> {
                 "use a plane",
             );
         }
-        if axis >= grid.dimension || !(0.0..=grid.size[axis.min(2)]).contains(&position) {
-            findings.error(
-                &format!("{path}.position"),
-                "the section lies outside the domain",
-                "move it inside",
-            );
-        }
+        self.plane(axis, position, path, findings);
+        let axis = axis.index();
         let part = part.map(|part| AlignedBox {
             from: AlignedBox::vector(grid, &part.from, &format!("{path}.part.from"), findings),
             to: AlignedBox::vector(grid, &part.to, &format!("{path}.part.to"), findings),
             dimension: grid.dimension,
         });
+        if let Some(part) = &part {
+            self.check_part(axis, part, path, findings);
+        }
         ProbeAt::Section {
             axis,
             position,
             part,
+        }
+    }
+
+    /// Refuses a part of a plane across an axis that contains nothing of the domain.
+    fn check_part(&self, axis: usize, part: &AlignedBox, path: &str, findings: &mut Findings) {
+        let grid = self.grid;
+        let others = (0..grid.dimension).filter(|a| *a != axis);
+        let misses = |a: &usize| {
+            let (low, high) = (part.from[*a].max(0.0), part.to[*a].min(grid.size[*a]));
+            low.partial_cmp(&high) != Some(std::cmp::Ordering::Less)
+        };
+        if let Some(a) = others.into_iter().find(misses) {
+            findings.error(
+                &format!("{path}.part"),
+                format!(
+                    "the part from {} to {} m along {} contains nothing of the domain, which is 0 … {} m there",
+                    number(part.from[a]),
+                    number(part.to[a]),
+                    ["x", "y", "z"][a],
+                    number(grid.size[a])
+                ),
+                "move it into the domain, or leave `part` out for the whole plane",
+            );
         }
     }
 
