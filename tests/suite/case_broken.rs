@@ -1271,6 +1271,14 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "fluid.darcy.viscosity",
     ),
     (
+        "structure as large as the ground",
+        "earth-dam",
+        Set(&[
+            "structures=[{\"name\": \"all\", \"shape\": {\"box\": {\"from\": [0, 0], \"to\": [10, 10]}}}]",
+        ]),
+        "structures",
+    ),
+    (
         "part of an uplift outside the ground",
         "earth-dam",
         Set(&[

@@ -666,7 +666,8 @@ impl Seepage {
         if self.solids.is_empty() {
             return;
         }
-        let least = 0.5 * self.smallest_edge(dimension);
+        // The outermost cells of a solid that ends with the grid lie half an edge deep, up to rounding.
+        let least = 0.5 * self.smallest_edge(dimension) * (1.0 - 1e-9);
         let axes: [GridAxis<'_>; 3] = std::array::from_fn(|a| self.axis(a));
         let filled = spread(self.cells).all(|cell| {
             let at = std::array::from_fn(|a| axes[a].centre(cell[a]));
