@@ -204,13 +204,17 @@ pub fn measured(run: &RunReport, points: Points) -> Vec<RateWindow> {
 pub fn points_of(cohesion: &CohesionReport, points: Points, stress: Stress) -> Vec<RatePoint> {
     let mut all = Vec::new();
     for (index, run) in cohesion.runs.iter().enumerate() {
-        for mut window in measured(run, points) {
+        let measured = measured(run, points);
+        // Some grains left the whole run, but no point of it counts as eroding.
+        let undecided = run.whole.is_some_and(|whole| whole.rate > 0.0)
+            && !measured.iter().any(|window| window.eroding);
+        for mut window in measured {
             window.shear = match stress {
                 Stress::Gradient => window.shear,
                 Stress::Balance => window.shear_balance,
                 Stress::Traction => window.shear_traction,
             };
-            all.push(RatePoint::new(index, &window));
+            all.push(RatePoint::new(index, &window, undecided));
         }
     }
     all

@@ -203,12 +203,17 @@ fn words(law: Option<&FittedErosionLaw>) -> [String; 3] {
         ],
         Some(FittedErosionLaw::LowerBound { at_least }) => [
             format!(">= {}", digits(*at_least)),
-            "no erosion".to_owned(),
+            "no erosion up to there".to_owned(),
             String::new(),
         ],
         Some(FittedErosionLaw::Bracketed { above, below }) => [
             format!("between {} and {}", digits(*above), digits(*below)),
             "one stress erodes".to_owned(),
+            String::new(),
+        ],
+        Some(FittedErosionLaw::Undetermined) => [
+            "unknown: no stress decides".to_owned(),
+            "unknown".to_owned(),
             String::new(),
         ],
         None => ["no point".to_owned(), String::new(), String::new()],
@@ -557,6 +562,20 @@ mod tests {
             row.eroded_fraction = row.eroded_mass / INITIAL;
         }
         write_rows(&file, &rows).unwrap();
+        // Alone, the run gives neither a rate nor a bound.
+        let report = run(
+            std::slice::from_ref(&folder),
+            &root.path().join("one"),
+            None,
+        )
+        .unwrap();
+        let found = &report.cohesions[0].law;
+        assert_eq!(*found, Some(FittedErosionLaw::Undetermined));
+        let told = text(&report, None);
+        assert!(
+            told.contains("unknown") && !told.contains("no erosion"),
+            "{told}"
+        );
         runs.push(folder);
         let with = law(&runs, "with");
         assert!((with.0 / alone.0 - 1.0).abs() < 0.2, "{with:?} {alone:?}");
@@ -577,7 +596,10 @@ mod tests {
             "{point}"
         );
         let figure = fs::read_to_string(output.join("figure5.svg")).unwrap();
-        assert!(figure.contains("no erosion, 95 % bars"), "{figure}");
+        assert!(
+            figure.contains("no erosion or too few grains, 95 % bars"),
+            "{figure}"
+        );
         // The hollow point is drawn with the three segments of its bar.
         let hollow = figure.find("fill=\"white\" stroke=").unwrap();
         let before = &figure[..hollow];

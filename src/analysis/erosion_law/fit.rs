@@ -19,7 +19,9 @@
 //!
 //! **Lower bound.** If the run with the highest stress does not erode, tau_c is at least that stress, and k_d is
 //! undefined. If it erodes but fewer than two stresses do, tau_c lies between the highest stress without erosion and
-//! the lowest one with erosion.
+//! the lowest one with erosion. A run that loses fewer grains than erosion needs decides nothing, and a stress that is
+//! not positive, such as that of a flow that has nearly stopped, is no bound. Where no point is left for a bound, the
+//! law is undetermined.
 
 use super::rate::RateWindow;
 use crate::statistics::{median, student};
@@ -67,12 +69,14 @@ pub struct RatePoint {
     pub quantum: f64,
     /// `true` if the window counts as eroding.
     pub eroding: bool,
+    /// `true` if grains left the run, but too few to count as erosion: the run shows neither erosion nor its absence.
+    pub undecided: bool,
 }
 
 impl RatePoint {
-    /// Returns the point of a window of a run.
+    /// Returns the point of a window of a run. The run may be undecided.
     #[must_use]
-    pub fn new(run: usize, window: &RateWindow) -> Self {
+    pub fn new(run: usize, window: &RateWindow, undecided: bool) -> Self {
         Self {
             run,
             shear: window.shear,
@@ -80,7 +84,13 @@ impl RatePoint {
             error: window.rate_error,
             quantum: window.quantum,
             eroding: window.eroding,
+            undecided,
         }
+    }
+
+    /// Returns `true` if the point shows a positive stress without erosion.
+    fn resists(&self) -> bool {
+        !self.eroding && !self.undecided && self.shear > 0.0
     }
 
     /// Returns the batch variance over Poisson variance, at least 1.
@@ -123,9 +133,9 @@ impl Default for FitOptions {
 pub enum FittedErosionLaw {
     /// Critical stress and erosion coefficient are known.
     Fitted(LinearLaw),
-    /// No erosion at the highest stress: `tau_c >= at_least`.
+    /// No erosion at the highest stress that decides: `tau_c >= at_least`.
     LowerBound {
-        /// Highest stress applied, Pa.
+        /// Highest stress without erosion, Pa; positive.
         at_least: f64,
     },
     /// Erosion starts between two stresses, and only one stress erodes.
@@ -135,6 +145,8 @@ pub enum FittedErosionLaw {
         /// Lowest stress with erosion, Pa.
         below: f64,
     },
+    /// Neither a law nor a bound follows: grains left, but too few for a rate, or no stress is positive.
+    Undetermined,
 }
 
 /// Law fitted to the points.
@@ -235,21 +247,29 @@ pub fn fit_law(points: &[RatePoint], options: FitOptions) -> Option<FittedErosio
     let highest_erodes = points
         .iter()
         .any(|point| point.run == highest.run && point.eroding);
+    let erodes = |point: &&RatePoint| point.eroding && point.shear > 0.0;
+    let resisted = points.iter().rev().find(|point| point.resists());
     if !highest_erodes {
-        return Some(FittedErosionLaw::LowerBound {
-            at_least: highest.shear,
-        });
+        // A run that decides nothing does not hide a run below it that does.
+        let eroded = points.iter().rev().find(erodes);
+        if let Some(&RatePoint { shear, .. }) = resisted
+            && eroded.is_none_or(|eroded| eroded.shear <= shear)
+        {
+            return Some(FittedErosionLaw::LowerBound { at_least: shear });
+        }
     }
     let eroding: Vec<RatePoint> = points
         .iter()
         .filter(|point| point.eroding)
         .copied()
         .collect();
-    let first = eroding.first()?;
+    let Some(first) = eroding.iter().find(erodes) else {
+        return Some(FittedErosionLaw::Undetermined);
+    };
     let bracket = FittedErosionLaw::Bracketed {
         above: points
             .iter()
-            .filter(|point| !point.eroding && point.shear < first.shear)
+            .filter(|point| point.resists() && point.shear < first.shear)
             .map(|point| point.shear)
             .fold(0.0, f64::max),
         below: first.shear,
@@ -681,6 +701,7 @@ mod tests {
             error: 1e-4,
             quantum: 1e-6,
             eroding: rate > 0.0,
+            undecided: false,
         }
     }
 
@@ -802,6 +823,7 @@ mod tests {
                     error: (rate.max(quantum) * quantum).sqrt(),
                     quantum,
                     eroding: grains >= 3,
+                    undecided: (1..3).contains(&grains),
                 });
             }
         }
@@ -869,6 +891,33 @@ mod tests {
         let law = fit_law(&points, FitOptions::default());
         assert_eq!(law, Some(FittedErosionLaw::LowerBound { at_least: 5e-4 }));
         assert_eq!(fit_law(&[], FitOptions::default()), None);
+    }
+
+    /// Checks that one lost grain is neither erosion nor its absence, and that a bound is a positive stress.
+    #[test]
+    fn a_run_that_loses_one_grain_gives_no_bound() {
+        let law = |points: &[RatePoint]| fit_law(points, FitOptions::default());
+        let one_grain = |shear: f64| RatePoint {
+            undecided: true,
+            ..exact(1, shear)
+        };
+        for shear in [-1.77e-4, 3e-4] {
+            let found = law(&[one_grain(shear)]);
+            assert_eq!(found, Some(FittedErosionLaw::Undetermined));
+        }
+        let found = law(&[exact(0, -1.77e-4)]);
+        assert_eq!(found, Some(FittedErosionLaw::Undetermined));
+        // A run below it without a lost grain still gives its bound.
+        let found = law(&[exact(0, 2e-4), one_grain(3e-4)]);
+        assert_eq!(found, Some(FittedErosionLaw::LowerBound { at_least: 2e-4 }));
+        let eroding = RatePoint {
+            eroding: true,
+            rate: 0.01,
+            ..exact(2, 5e-4)
+        };
+        let found = law(&[exact(0, 2e-4), one_grain(3e-4), eroding]);
+        let (above, below) = (2e-4, 5e-4);
+        assert_eq!(found, Some(FittedErosionLaw::Bracketed { above, below }));
     }
 
     #[test]

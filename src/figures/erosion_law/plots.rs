@@ -128,7 +128,10 @@ pub(super) fn rate(cohesion: &CohesionReport) -> Figure {
             let _ = write!(title, ", R^{{2}} = {:.3}", fit.r_squared);
         }
     }
-    for (eroding, label) in [(false, "no erosion, 95 % bars"), (true, "runs, 95 % bars")] {
+    for (eroding, label) in [
+        (false, "no erosion or too few grains, 95 % bars"),
+        (true, "runs, 95 % bars"),
+    ] {
         let marks: Vec<Mark> = cohesion
             .runs
             .iter()
@@ -211,7 +214,7 @@ impl Points {
                     y_bar: Some((*above, *below)),
                     ..Mark::without_bars(x, 0.5 * (above + below))
                 }),
-                None => {}
+                Some(FittedErosionLaw::Undetermined) | None => {}
             }
         }
         points

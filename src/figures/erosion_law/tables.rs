@@ -52,6 +52,9 @@ pub(super) fn law(cohesions: &[CohesionReport]) -> String {
             Some(FittedErosionLaw::Bracketed { above, below }) => {
                 writeln!(text, "{c},bracketed,,{above:e},{below:e},,,,,,{counts},,")
             }
+            Some(FittedErosionLaw::Undetermined) => {
+                writeln!(text, "{c},undetermined,,,,,,,,,{counts},,")
+            }
             None => writeln!(text, "{c},none,,,,,,,,,{counts},,"),
         };
     }
@@ -83,6 +86,9 @@ pub(super) fn readings(cohesions: &[CohesionReport]) -> String {
                 }
                 Some(FittedErosionLaw::Bracketed { above, below }) => {
                     writeln!(text, "{head},bracketed,,{above:e},{below:e},,,,")
+                }
+                Some(FittedErosionLaw::Undetermined) => {
+                    writeln!(text, "{head},undetermined,,,,,,,")
                 }
                 None => writeln!(text, "{head},none,,,,,,,"),
             };
