@@ -194,6 +194,7 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
             .map(|_| Ground::read(run))
             .unwrap_or_default(),
     );
+    let domain = domain_of(run);
     // Only outputs of the same step are used: older ones would show earlier positions.
     let file_at = |series: &Option<Series>, step: u64| {
         let series = series.as_ref()?;
@@ -241,6 +242,7 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
             walls: (walls.as_deref())
                 .map(|path| Faces::walls(path, moment.time))
                 .transpose()?,
+            domain,
             cuts: None,
         };
         scenes.push(scene.cut(request.section));
@@ -252,6 +254,16 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
 
 fn failed(path: &Path, reason: impl std::fmt::Display) -> Error {
     Error::Io(format!("{}: {reason}", path.display()))
+}
+
+/// Returns the size of the domain of a run in three dimensions from its case; `None` if there is none.
+fn domain_of(run: &Path) -> Option<[f64; 3]> {
+    let text = io::plain::text(&run.join("case.json"), io::plain::LONGEST_CASE).ok()?;
+    let case: serde_json::Value = serde_json::from_str(&text).ok()?;
+    let size = &case["domain"]["size"];
+    // A size may state its source.
+    let size = size.get("value").unwrap_or(size);
+    serde_json::from_value(size.clone()).ok()
 }
 
 /// Returns the outputs nearest to the requested times; without times, up to four over the run.
@@ -291,6 +303,8 @@ struct Scene {
     structures: Option<Rc<Faces>>,
     /// Walls at this time.
     walls: Option<Faces>,
+    /// Largest coordinates of the domain, which begins at 0 \[m\]; `None` in two dimensions or if they are not known.
+    domain: Option<[f64; 3]>,
     /// Outlines of the solids intersected by a section.
     cuts: Option<Cuts>,
 }
@@ -304,6 +318,7 @@ impl Scene {
         let Some(section) = section.or(deep.filter(|_| alone).map(Section::middle)) else {
             return self;
         };
+        let domain = (self.domain.map(|size| [[0.0; 3], size])).or(deep.map(Water::corners));
         if let Some(water) = deep {
             self.water = section.water(water);
         }
@@ -318,7 +333,10 @@ impl Scene {
             self.structures.as_deref(),
             self.walls.as_ref(),
         ];
-        self.cuts = Some(Cuts::new(section, solids));
+        self.cuts = Some(Cuts {
+            frame: domain.map(|ends| ends.map(|end| section.plane().map(|axis| end[axis]))),
+            ..Cuts::new(section, solids)
+        });
         (self.faces, self.structures, self.walls) = (None, None, None);
         self
     }
@@ -338,6 +356,12 @@ struct Water {
 }
 
 impl Water {
+    /// Returns the corners of the grid with the smallest and the largest coordinates.
+    fn corners(&self) -> [[f64; 3]; 2] {
+        let far = |a: usize| self.origin[a] + real(self.cells[a]) * self.spacing[a];
+        [self.origin, std::array::from_fn(far)]
+    }
+
     fn read(path: &Path, field: &str, streamlines: bool) -> Result<Self, Error> {
         let wrong = |e: io::Error| Error::Io(e.to_string());
         let image = io::image::open(path)

@@ -20,6 +20,8 @@ pub(super) struct Cuts {
     pub(super) blocks: Vec<Line>,
     pub(super) structures: Vec<Line>,
     pub(super) walls: Vec<Line>,
+    /// Corners of the domain in the plane; `None` if they are not known.
+    pub(super) frame: Option<[[f64; 2]; 2]>,
 }
 
 impl Cuts {
@@ -31,11 +33,18 @@ impl Cuts {
             blocks,
             structures,
             walls,
+            frame: None,
         }
     }
 
-    /// Extends a frame by all lines.
+    /// Extends a frame by the domain, or by all lines if it is not known.
     pub(super) fn extend_frame(&self, frame: &mut Frame) {
+        if let Some(corners) = self.frame {
+            for [x, y] in corners {
+                frame.include([x, y, 0.0], 0.0);
+            }
+            return;
+        }
         let all = [&self.blocks, &self.structures, &self.walls];
         for end in all.into_iter().flatten().flatten() {
             frame.include([end[0], end[1], 0.0], 0.0);
@@ -108,7 +117,7 @@ fn fill(raster: &mut Raster, frame: &Frame, lines: &[Line], colour: [f64; 3]) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{PAPER, Scene, ViewDirection};
+    use super::super::{PAPER, Scene, ViewDirection, Water};
     use super::*;
 
     /// Returns the faces of a box, counter-clockwise seen from outside.
@@ -160,6 +169,53 @@ mod tests {
         let part = real(filled) / real(raster.colours.len());
         assert!((part - 9.0 / 15.0).abs() < 2e-3, "{part}");
         assert_eq!(cuts.draw(&frame, &raster).matches('M').count(), 8);
+    }
+
+    /// Checks that the frame of a section is the domain, of water and of grains alone, whether the solids reach beyond
+    /// it or fill a part of it, and that water is painted inside its grid only.
+    #[test]
+    fn the_frame_of_a_section_is_the_domain() {
+        let section = Section { axis: 1, at: 0.5 };
+        let water = || Water {
+            cells: [4, 2, 3],
+            origin: [0.0; 3],
+            spacing: [0.5; 3],
+            values: vec![1.0; 24],
+            solid: vec![false; 24],
+            flow: None,
+            units: "m/s".into(),
+        };
+        let deep = faces([0.5, -1.0, -1.0], [1.0, 2.0, 0.25]);
+        let small = faces([0.5, 0.25, 0.5], [1.0, 0.75, 1.0]);
+        for (body, watered, domain) in [
+            (&deep, true, Some([2.0, 1.0, 1.5])),
+            (&deep, true, None),
+            (&deep, false, Some([2.0, 1.0, 1.5])),
+            (&small, false, Some([2.0, 1.0, 1.5])),
+        ] {
+            let scene = Scene {
+                water: watered.then(water),
+                walls: Some(Faces::from_corners(body)),
+                domain,
+                ..Scene::default()
+            };
+            let scenes = [scene.cut(Some(section))];
+            let frame = Frame::new(&scenes, ViewDirection::Z);
+            assert_eq!((frame.low, frame.high), ([0.0; 2], [2.0, 1.5]));
+        }
+        let scenes = [Scene {
+            water: Some(water()),
+            ..Scene::default()
+        }
+        .cut(Some(section))];
+        let mut frame = Frame::new(&scenes, ViewDirection::Z);
+        frame.low[1] = -1.5;
+        let mut raster = Raster::new(&frame, 100);
+        raster.water(&frame, scenes[0].water.as_ref().unwrap(), [0.0, 1.0]);
+        let painted = raster.colours.iter().filter(|c| **c != PAPER).count();
+        let part = real(painted) / real(raster.colours.len());
+        // One row more than half of the panel may be painted.
+        assert!((0.5..0.52).contains(&part), "{part}");
     }
 
     /// Checks that a plane through corners intersects an octahedron in four lines, and that a plane along a face of a

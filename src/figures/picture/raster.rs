@@ -46,17 +46,15 @@ impl Frame {
             high: [f64::NEG_INFINITY; 2],
         };
         for scene in scenes {
+            // The frame of a section is the domain: solids, walls and grains may reach beyond it.
+            if let Some(cuts) = scene.cuts.as_ref().filter(|cuts| cuts.frame.is_some()) {
+                cuts.extend_frame(&mut frame);
+                continue;
+            }
             if let Some(water) = &scene.water {
+                let ends = water.corners();
                 for corner in 0..8 {
-                    let p = std::array::from_fn(|a| {
-                        let far = if corner >> a & 1 == 1 {
-                            real(water.cells[a])
-                        } else {
-                            0.0
-                        };
-                        water.origin[a] + far * water.spacing[a]
-                    });
-                    frame.include(p, 0.0);
+                    frame.include(std::array::from_fn(|a| ends[corner >> a & 1][a]), 0.0);
                 }
             }
             if let Some(grains) = &scene.grains
@@ -140,6 +138,14 @@ impl Raster {
         for row in 0..self.height {
             for column in 0..self.width {
                 let at = self.middle(frame, column, row);
+                // A crop may show more than the water. The last row may reach half a pixel beyond it.
+                let outside = (0..2).any(|a| {
+                    let beyond = water.origin[a] - at[a];
+                    beyond.max(-beyond - real(water.cells[a]) * water.spacing[a]) > self.pixel
+                });
+                if outside {
+                    continue;
+                }
                 let cell = [0, 1].map(|a| {
                     let k = ((at[a] - water.origin[a]) / water.spacing[a])
                         .floor()
