@@ -246,22 +246,31 @@ impl<'a> Walk<'a> {
     /// Replaces a number such as 40.0 or 4e1 by the whole number that it is. Reports one that f64 does not hold
     /// exactly, and returns `true` for it.
     fn whole_number(&mut self, value: &mut Value, path: &str) -> bool {
-        let number = value
-            .as_f64()
-            .filter(|x| value.is_f64() && x.fract() == 0.0);
-        let Some(number) = number else {
+        if !value.is_f64() {
+            let beyond = magnitude(value).is_some_and(|number| number > LARGEST_WHOLE);
+            if beyond {
+                self.too_large(value, path);
+            }
+            return beyond;
+        }
+        let Some(number) = value.as_f64().filter(|x| x.fract() == 0.0) else {
             return false;
         };
         match whole_value(number) {
             Some(whole) => *value = whole,
-            None => self.report(
-                path,
-                value,
-                "this number is too large for a whole number".into(),
-                format!("write a whole number of at most {LARGEST_WHOLE} in magnitude"),
-            ),
+            None => self.too_large(value, path),
         }
         value.is_f64()
+    }
+
+    /// Reports a whole number beyond [`LARGEST_WHOLE`].
+    fn too_large(&mut self, value: &Value, path: &str) {
+        self.report(
+            path,
+            value,
+            "this number is too large for a whole number".into(),
+            format!("write a whole number of at most {LARGEST_WHOLE} in magnitude"),
+        );
     }
 
     /// Reports a field that is null. An optional one counts as left out.
@@ -282,7 +291,8 @@ impl<'a> Walk<'a> {
                 path: path.into(),
                 value: "null".into(),
                 reason: "this field is null, which counts as left out".into(),
-                remedy: Remedy::take_out(format!("leave it out, or give it a value{help}"), path),
+                // Without a proposal: a null is what the field already has.
+                remedy: format!("leave it out, or give it a value{help}").into(),
                 severity: Severity::Warning,
             }
         });
@@ -590,6 +600,13 @@ fn wants_whole(schema: &Value) -> bool {
 /// Largest whole number up to which f64 holds each one: 2^53.
 const LARGEST_WHOLE: u64 = 1 << 53;
 
+/// Returns the magnitude of a whole number that is written without a point or an exponent; `None` for other values.
+fn magnitude(value: &Value) -> Option<u64> {
+    value
+        .as_u64()
+        .or_else(|| value.as_i64().map(i64::unsigned_abs))
+}
+
 /// Returns a number without a fraction as a whole number of JSON; `None` beyond [`LARGEST_WHOLE`].
 fn whole_value(number: f64) -> Option<Value> {
     // 2^53 itself is the nearest number of 2^53 + 1 as well.
@@ -605,6 +622,7 @@ pub fn whole<'de, D: Deserializer<'de>, T: TryFrom<u64>>(reader: D) -> Result<T,
     let number = value
         .as_u64()
         .or_else(|| whole_value(value.as_f64()?)?.as_u64());
+    let number = number.filter(|&number| number <= LARGEST_WHOLE);
     let number = number.and_then(|number| T::try_from(number).ok());
     number.ok_or_else(|| {
         D::Error::custom(format!(
@@ -729,6 +747,16 @@ mod tests {
                 "such as 40 or 41",
             ),
             (r#"{"n": 1e20}"#, "too large", "at most 9007199254740992"),
+            (
+                r#"{"n": 18446744073709551615}"#,
+                "too large",
+                "at most 9007199254740992",
+            ),
+            (
+                r#"{"n": 9007199254740993}"#,
+                "too large",
+                "at most 9007199254740992",
+            ),
             (r#"{"n": -3.0}"#, "out of range", "at least 0"),
         ] {
             let mut tree: Value = serde_json::from_str(text).unwrap();
@@ -767,6 +795,7 @@ mod tests {
                 problems[0].reason.starts_with("this field is null, "),
                 "{path}"
             );
+            assert!(problems[0].remedy.proposal().is_empty(), "{path}");
             assert!(tree.pointer(path).is_none(), "{path}");
         }
     }
