@@ -96,18 +96,32 @@ pub fn text(path: &Path, limit: u64) -> Result<String> {
     if bytes.starts_with(b"\xef\xbb\xbf") {
         bytes.drain(..3);
     }
+    if let Some(name) = other_encoding(&bytes) {
+        let reason = format!("it is not text in UTF-8 but in {name}: save it as UTF-8");
+        return Err(Error::corrupt(path, reason));
+    }
     String::from_utf8(bytes).map_err(|e| {
         let at = e.utf8_error().valid_up_to();
-        let wide = e.as_bytes().starts_with(b"\xff\xfe") || e.as_bytes().starts_with(b"\xfe\xff");
-        Error::corrupt(
-            path,
-            if wide {
-                "it is not text in UTF-8 but in UTF-16: save it as UTF-8".to_owned()
-            } else {
-                format!("it is not text (UTF-8) from byte {at} on")
-            },
-        )
+        Error::corrupt(path, format!("it is not text (UTF-8) from byte {at} on"))
     })
+}
+
+/// Returns the name of an encoding other than UTF-8 that the first bytes of a text show: by a byte order mark, or,
+/// without one, by the zero bytes of its first ASCII characters (RFC 4627, section 3). `None` if they show none.
+fn other_encoding(bytes: &[u8]) -> Option<&'static str> {
+    // The mark of UTF-32 begins with that of UTF-16, so it is looked for first.
+    if bytes.starts_with(b"\xff\xfe\0\0") || bytes.starts_with(b"\0\0\xfe\xff") {
+        return Some("UTF-32");
+    }
+    if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
+        return Some("UTF-16");
+    }
+    let first = bytes.first_chunk::<4>()?;
+    match first.map(|byte| byte == 0) {
+        [false, true, true, true] | [true, true, true, false] => Some("UTF-32"),
+        [false, true, false, true] | [true, false, true, false] => Some("UTF-16"),
+        _ => None,
+    }
 }
 
 #[cfg(test)]
@@ -152,5 +166,35 @@ mod tests {
         let socket = dir.path().join("socket");
         let _listener = UnixListener::bind(&socket).unwrap();
         says(&socket, "a socket");
+    }
+    /// Checks that a text in UTF-16 or UTF-32 is named, in both byte orders, with and without a byte order mark.
+    #[test]
+    fn the_name_of_another_encoding_is_told() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.json");
+        for marked in [true, false] {
+            let json = if marked {
+                "\u{feff}{\"a\": 1}"
+            } else {
+                "{\"a\": 1}"
+            };
+            let short = |turn: fn(u16) -> [u8; 2]| json.encode_utf16().flat_map(turn).collect();
+            let long =
+                |turn: fn(u32) -> [u8; 4]| json.chars().map(u32::from).flat_map(turn).collect();
+            let files: [(Vec<u8>, &str); 4] = [
+                (short(u16::to_le_bytes), "UTF-16:"),
+                (short(u16::to_be_bytes), "UTF-16:"),
+                (long(u32::to_le_bytes), "UTF-32:"),
+                (long(u32::to_be_bytes), "UTF-32:"),
+            ];
+            for (bytes, name) in files {
+                fs::write(&path, &bytes).unwrap();
+                let error = text(&path, 100).unwrap_err().to_string();
+                assert!(error.contains(name), "{marked}, {bytes:?}: {error}");
+            }
+        }
+        // A zero byte elsewhere does not name an encoding.
+        fs::write(&path, b"a\0bc").unwrap();
+        assert_eq!(text(&path, 100).unwrap(), "a\0bc");
     }
 }
