@@ -230,6 +230,16 @@ impl Error {
             Self::Stopped(_) => 75,
         }
     }
+
+    /// Returns the reason of a numerical failure without its kind, and other errors as they are. A finding about a case
+    /// uses it: nothing has been computed yet.
+    #[must_use]
+    pub fn into_reason(self) -> String {
+        match self {
+            Self::Numerical(reason) => reason,
+            other => other.to_string(),
+        }
+    }
 }
 
 #[cfg(test)]

@@ -8,7 +8,6 @@
 //! precision, names the line in its messages, and compares the number of triangles with the length of the file
 //! before it allocates memory.
 
-use base::error::Error;
 use dem::FacetSurface;
 use nalgebra::Vector3;
 use std::collections::HashMap;
@@ -26,8 +25,8 @@ pub(crate) enum StlError {
     #[error("the file contains no triangle with an area above 0")]
     NoArea,
     /// Triangles that are not a surface.
-    #[error(transparent)]
-    Facets(#[from] Error),
+    #[error("{0}")]
+    Facets(String),
     /// Corner that is not finite.
     #[error("a corner is not finite")]
     NotFinite,
@@ -78,7 +77,7 @@ pub(crate) fn read(
     if facets.is_empty() {
         return Err(StlError::NoArea);
     }
-    Ok(FacetSurface::new(vertices, &facets)?)
+    FacetSurface::new(vertices, &facets).map_err(|error| StlError::Facets(error.into_reason()))
 }
 
 /// Returns the triangles of a file, scaled by `scale` metres per unit of the file and shifted by `origin` \[m\].

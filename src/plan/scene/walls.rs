@@ -14,7 +14,7 @@ use super::grid::Grid;
 use super::motion::{factors, first_and_largest};
 use super::structures::Structure;
 use super::{material, stl, unique, usual_material};
-use base::error::Remedy;
+use base::error::{Error, Remedy};
 use case::Case;
 use case::geometry::Face;
 use case::grains::GrainSource;
@@ -550,7 +550,11 @@ fn facets(
                 Some((k, n)) => Err(format!(
                     "the polygon crosses or touches itself: the edge from corner {k} meets the edge from corner {n}"
                 )),
-                None => FacetSurface::new(vertices, &[all]).map_err(|e| e.to_string()),
+                None => FacetSurface::new(vertices, &[all]).map_err(|error| {
+                    let reason = error.into_reason();
+                    let about = reason.strip_prefix("facet 0 ");
+                    about.map_or(reason.clone(), |about| format!("the polygon {about}"))
+                }),
             };
             (
                 path,
@@ -563,7 +567,7 @@ fn facets(
             let from = AlignedBox::vector(grid, &extent.from, &format!("{path}.from"), findings);
             let to = AlignedBox::vector(grid, &extent.to, &format!("{path}.to"), findings);
             let made = if (0..3).all(|a| from[a] < to[a]) {
-                FacetSurface::of_box(from.into(), to.into()).map_err(|e| e.to_string())
+                FacetSurface::of_box(from.into(), to.into()).map_err(Error::into_reason)
             } else {
                 Err("the box has no volume".into())
             };

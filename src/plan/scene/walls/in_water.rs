@@ -204,9 +204,9 @@ fn surface_of(
     let vertices = facets.vertices.iter().map(|at| Vector3::from(*at));
     let made = FacetSurface::new(vertices.collect(), &facets.faces)
         .and_then(|surface| surface.repeated([0.0; 3], periods(grid)));
-    made.inspect_err(|error| {
+    made.map_err(|error| {
         let path = format!("structures[{n}].shape");
-        findings.error(&path, error.to_string(), "correct the shape");
+        findings.error(&path, error.into_reason(), "correct the shape");
     })
     .ok()
 }
