@@ -38,7 +38,7 @@ fn faces(scene: &Scene, wall: &SceneWall) -> (Vec<Vec<Vector3<f64>>>, Vector3<f6
         normal: Vector3::from(wall.normal),
     };
     let still = |other: &&SceneWall| {
-        let moves = other.servo.is_some() || other.velocity != [0.0; 3];
+        let moves = other.servo.is_some() || other.velocity.iter().any(|v| *v != 0.0);
         other.surface.is_none() && !moves && !other.is_timed() && !other.temporary
     };
     let others = scene.walls.iter().filter(still);
