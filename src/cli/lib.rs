@@ -9,6 +9,7 @@
 
 mod cite;
 mod estimate;
+mod first_rank;
 mod manual;
 mod reference;
 mod threshold;
@@ -21,6 +22,7 @@ use clap::{Args, CommandFactory, Parser, Subcommand};
 use figures::erosion_law::Published;
 use figures::jet_erosion::JetApparatus;
 use figures::picture::PictureOptions;
+use first_rank::first_rank;
 use plan::Plan;
 use simulation::run::RunOptions;
 use simulation::watch;
@@ -854,25 +856,6 @@ fn list(problems: &[Problem]) {
 
 fn pretty(value: &impl serde::Serialize) -> String {
     serde_json::to_string_pretty(value).unwrap_or_default()
-}
-
-/// `true` for the first rank. Launchers set the rank before MPI starts. Batch systems also set the variable in the
-/// environment of a shell: a rank counts only if a number of ranks above it is set as well.
-fn first_rank() -> bool {
-    let number = |name: &str| std::env::var(name).ok()?.trim().parse::<u64>().ok();
-    let ranks: [(&str, &[&str]); 4] = [
-        ("OMPI_COMM_WORLD_RANK", &["OMPI_COMM_WORLD_SIZE"]),
-        (
-            "PMIX_RANK",
-            &["OMPI_COMM_WORLD_SIZE", "PMIX_SIZE", "SLURM_STEP_NUM_TASKS"],
-        ),
-        ("PMI_RANK", &["PMI_SIZE"]),
-        ("SLURM_PROCID", &["SLURM_STEP_NUM_TASKS"]),
-    ];
-    ranks.iter().all(|(rank, sizes)| {
-        let size = sizes.iter().find_map(|name| number(name));
-        !number(rank).is_some_and(|rank| rank > 0 && size.is_some_and(|size| rank < size))
-    })
 }
 
 /// Prints a text to the standard output; a closed output is not an error.

@@ -189,6 +189,7 @@ fn only_the_first_rank_speaks() {
         let output = solver()
             .env("OMPI_COMM_WORLD_RANK", rank)
             .env("OMPI_COMM_WORLD_SIZE", size)
+            .env("PMIX_SERVER_URI2", "1.0;tcp4://127.0.0.1:9")
             .arg(&path)
             .args(["--set", "time.end=-1"])
             .output()

@@ -692,6 +692,39 @@ fn grains_of_a_file_do_not_start_in_structures() {
     assert!(found.iter().all(|p| p.path != path), "{found:#?}");
 }
 
+/// Checks that a wall with an invalid polygon has a finding about the polygon at its path.
+#[test]
+fn an_invalid_polygon_of_a_wall_is_named_as_a_polygon() {
+    for (corners, reason) in [
+        (
+            json!([
+                [0, 0, 0.02],
+                [0.01, 0, 0.02],
+                [0.002, 0.002, 0.02],
+                [0, 0.01, 0.02]
+            ]),
+            "the polygon is not convex",
+        ),
+        (
+            json!([[0, 0, 0.02], [0.005, 0, 0.02], [0.01, 0, 0.02]]),
+            "the polygon has no area",
+        ),
+        (
+            json!([[0, 0, 0.02], [0.01, 0, 0.02]]),
+            "the polygon needs at least three corners",
+        ),
+    ] {
+        let mut case = example("deposition");
+        case["walls"][0]["shape"] = json!({ "polygon": corners });
+        let found = problems(&case, Path::new("."));
+        let about = found
+            .iter()
+            .find(|p| p.path == "walls[0].shape.polygon")
+            .unwrap_or_else(|| panic!("{found:#?}"));
+        assert!(about.reason.starts_with(reason), "{about}");
+    }
+}
+
 /// Checks that a rank variable in the environment of a shell, without a number of ranks, does not silence any command.
 #[test]
 fn a_rank_in_the_environment_of_a_shell_does_not_silence_the_program() {
@@ -715,6 +748,12 @@ fn a_rank_in_the_environment_of_a_shell_does_not_silence_the_program() {
         .arg("example")
         .env("OMPI_COMM_WORLD_RANK", "1")
         .env("OMPI_COMM_WORLD_SIZE", "2");
+    // A batch job may export both. Only the address of a launcher makes the process one of its ranks.
+    for version in ["", "2", "21", "3", "4"] {
+        command.env_remove(format!("PMIX_SERVER_URI{version}"));
+    }
+    assert!(!command.output().unwrap().stdout.is_empty());
+    command.env("PMIX_SERVER_URI2", "1.0;tcp4://127.0.0.1:9");
     assert!(command.output().unwrap().stdout.is_empty());
 }
 
