@@ -14,9 +14,11 @@ pub(crate) fn first_rank() -> bool {
     first_of(&|name| std::env::var(name).ok())
 }
 
-/// Returns `true` if an environment is that of a first rank or of no rank. Rank and number of ranks alone prove nothing: a batch job
-/// may export them, or a shell may keep them from an earlier job. They count only with the address of the launcher,
-/// through which MPI learns its rank: without this address MPI starts as one rank alone.
+/// Returns `true` if an environment is that of a first rank or of no rank.
+///
+/// Rank and number of ranks alone prove nothing: a batch job may export them, or a shell may keep them from an earlier
+/// job. They count only with the address of the launcher, through which MPI learns its rank: without this address MPI
+/// starts as one rank alone.
 fn first_of(variable: &dyn Fn(&str) -> Option<String>) -> bool {
     let number = |name: &str| variable(name)?.trim().parse::<u64>().ok();
     let launched = |names: &[&str]| {
