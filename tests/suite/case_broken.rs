@@ -1282,7 +1282,8 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "part of an uplift outside the ground",
         "earth-dam",
         Set(&[
-            "probes[0].at={\"uplift\": {\"axis\": \"y\", \"position\": 0, \"part\": {\"from\": [1e3, 0], \"to\": [2e3, 1]}}}",
+            "probes[0].at={\"uplift\": {\"axis\": \"y\", \"position\": 0}}",
+            "probes[0].at.uplift.part={\"from\": [1e3, 0], \"to\": [2e3, 1]}",
         ]),
         "probes[0].at.uplift.part",
     ),

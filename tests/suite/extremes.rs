@@ -732,7 +732,9 @@ fn plan_reports_light_and_thin_solids() {
     let unstable = Some(Severity::Unstable);
     assert_eq!(said(&[&light("700")], free, "0.7 times as dense"), refused);
     assert_eq!(said(&[&light("800")], free, "0.8 times as dense"), unstable);
-    assert_eq!(said(&[&light("900")], free, "times as dense"), None);
+    // Runs of 0.8 to 0.95 times the density failed at the ceiling.
+    assert_eq!(said(&[&light("900")], free, "0.9 times as dense"), unstable);
+    assert_eq!(said(&[], free, "times as dense"), None);
     assert_eq!(said(&[&light("700"), LINKS], free, "times as dense"), None);
     let edges = "bodies[0].shape.cuboid.edges=[0.006, 0.005, 0.0015]";
     let shape = "bodies[0].shape";

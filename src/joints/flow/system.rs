@@ -9,8 +9,8 @@ use crate::order::dissection;
 /// Largest system whose unknowns are eliminated in the order of their degree.
 const SMALL_SYSTEM: usize = 10_000;
 
-/// Returns the pairs of unknowns with nonzero entries: those of the links, of the loaded cells of each block, and of the
-/// rotations of each block.
+/// Returns the pairs of unknowns with nonzero entries: those of the links, of the loaded cells of each block, and of
+/// the rotations of each block.
 fn pairs(network: &Network, movers: &[Mover], touches: &[LoadedCell]) -> Vec<[usize; 2]> {
     let nodes = network.nodes();
     let links = network.links.iter().filter_map(|link| match link.to {

@@ -112,8 +112,8 @@ const GUARD_EVERY: f64 = 100.0;
 const SOLID_STEP: f64 = 1.3e-7;
 /// Time of a disc and of a sphere in contact, in a solid step \[s\].
 const GRAIN: [f64; 2] = [4.5e-8, 3.9e-8];
-/// Number of contacts per sphere, each of two spheres, in the beds of [`GRAIN`], and time of each more \[s\]. Discs of the
-/// densest packing cost no more than those of [`GRAIN`].
+/// Number of contacts per sphere, each of two spheres, in the beds of [`GRAIN`], and time of each more \[s\]. Discs
+/// of the densest packing cost no more than those of [`GRAIN`].
 const CONTACTS: f64 = 1.75;
 const CONTACT: f64 = 1.9e-8;
 /// Time of a step of the run with moving grains, without its solid steps \[s\].
@@ -136,8 +136,8 @@ const JOINT_LINK: [f64; 2] = [7.6e-8, 3.5e-8];
 const MOVING_LINK: f64 = 2.5e-7;
 /// Time of an entry of the factors of a network of joints in a step, if all blocks are fixed, and if blocks move \[s\].
 const JOINT_ENTRY: [f64; 2] = [4.5e-9, 9e-9];
-/// Time of a cell of unsaturated ground in the first solution, and in a later one \[s\]. The number of adaptive steps in
-/// a later one follows the fronts: 22 runs took 0.2 to 18 times this (`jobs/plans/unsaturated.csv`).
+/// Time of a cell of unsaturated ground in the first solution, and in a later one \[s\]. The number of adaptive steps
+/// in a later one follows the fronts: 22 runs took 0.2 to 18 times this (`jobs/plans/unsaturated.csv`).
 const UNSATURATED: [f64; 2] = [1.2e-4, 5e-6];
 /// Time of an output without the bytes of its fields \[s\].
 const OUTPUT: f64 = 2.5e-3;

@@ -4,7 +4,7 @@ use super::aligned_box::AlignedBox;
 use super::findings::{Findings, number};
 use super::grid::Grid;
 use super::motion::{motion, needs_density};
-use super::pairs::{Ball, near};
+use super::pairs;
 use super::region::region;
 use super::sample::{self, ListedGrain};
 use super::structures::images;
@@ -20,7 +20,6 @@ use case::grains::{
 use case::sieve::{self, Percentiles};
 use serde::Serialize;
 use serde_json::json;
-use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
 use structure::Images;
@@ -330,7 +329,12 @@ pub(crate) fn grains(
     };
     assign_zones(&mut zones, grains.zones.len(), &mut source, findings);
     Some(Grains {
-        contacts: contacts(&source, grid),
+        contacts: match &source {
+            GrainSource::List(grains) | GrainSource::File { grains, .. } => {
+                pairs::touching(grains, grid)
+            }
+            GrainSource::Growth { .. } | GrainSource::Deposition { .. } => 0,
+        },
         material: default_material,
         source,
         save: grains.save.clone(),
@@ -340,35 +344,6 @@ pub(crate) fn grains(
         radii,
         expected,
     })
-}
-
-/// Largest gap of grains that touch, relative to their radii.
-const TOUCHES: f64 = 1e-3;
-/// Largest number of contacts per sphere of equal spheres, each of two spheres.
-const MOST_CONTACTS: usize = 6;
-
-/// Returns the number of pairs of listed grains that touch.
-fn contacts(source: &GrainSource, grid: &Grid) -> usize {
-    let (GrainSource::List(grains) | GrainSource::File { grains, .. }) = source else {
-        return 0;
-    };
-    let ball = |grain: &ListedGrain| Ball {
-        at: grain.position,
-        reach: grain.radius * (1.0 + TOUCHES),
-    };
-    let balls: Vec<Ball> = grains.iter().map(ball).collect();
-    let period = std::array::from_fn(|a| grid.periodic[a].then_some(grid.size[a]));
-    let mut pairs = 0;
-    let _ = near(&balls, period, |_, _| {
-        pairs += 1;
-        // Grains that overlap are another finding.
-        if pairs < MOST_CONTACTS * grains.len() {
-            ControlFlow::Continue(())
-        } else {
-            ControlFlow::Break(())
-        }
-    });
-    pairs
 }
 
 /// Assigns zones to listed grains, and warns of zones without grains.

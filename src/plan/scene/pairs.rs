@@ -5,6 +5,8 @@
 //! cells. The balls of a row of cells are sorted by x and swept; adjacent rows are found by index. The cost is
 //! proportional to the number of nearby pairs, also for a full slab of grains or a wide range of sizes.
 
+use super::grid::Grid;
+use super::sample::ListedGrain;
 use std::collections::{BTreeMap, HashMap};
 use std::ops::{ControlFlow, Range};
 
@@ -36,6 +38,32 @@ pub(crate) fn near(
     visit: impl FnMut(usize, usize) -> ControlFlow<()>,
 ) -> ControlFlow<()> {
     counted(balls, period, visit, &mut 0)
+}
+
+/// Largest gap of grains that touch, relative to their radii.
+const TOUCHES: f64 = 1e-3;
+/// Largest number of contacts per sphere of equal spheres, each of two spheres.
+const MOST_CONTACTS: usize = 6;
+
+/// Returns the number of pairs of grains that touch, at most that of equal spheres.
+pub(crate) fn touching(grains: &[ListedGrain], grid: &Grid) -> usize {
+    let ball = |grain: &ListedGrain| Ball {
+        at: grain.position,
+        reach: grain.radius * (1.0 + TOUCHES),
+    };
+    let balls: Vec<Ball> = grains.iter().map(ball).collect();
+    let period = std::array::from_fn(|a| grid.periodic[a].then_some(grid.size[a]));
+    let mut pairs = 0;
+    let _ = near(&balls, period, |_, _| {
+        pairs += 1;
+        // Grains that overlap are another finding.
+        if pairs < MOST_CONTACTS * grains.len() {
+            ControlFlow::Continue(())
+        } else {
+            ControlFlow::Break(())
+        }
+    });
+    pairs
 }
 
 /// Visits pairs like [`near`]; `compared` counts the comparisons.

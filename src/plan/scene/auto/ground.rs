@@ -16,7 +16,7 @@
 //! | discharge, volume of water, exit gradient | the value itself |
 //! | head | the range of imposed and initial heads, at least the height of ground with suction |
 //! | phreatic line | the height of the ground |
-//! | uplift, thrust and moment | the pressure of the whole range of heads over the base or the depth of the structure, and times the lever |
+//! | uplift, thrust and moment | the pressure of the range of heads over the base or depth of the structure, times the lever |
 //! | front: where the pressure head along a line is half of that at the start | the height of the ground |
 
 mod lengths;
@@ -392,7 +392,8 @@ fn asked(scene: &Scene, seepage: &Seepage, ground: &Ground) -> Vec<PromisedAnswe
     answers
 }
 
-/// Returns the largest distance of a corner of a structure from a point along an axis \[m\]; 0 for an infinite structure.
+/// Returns the largest distance of a corner of a structure from a point along an axis \[m\]; 0 for an infinite
+/// structure.
 fn lever(structure: &Structure, about: [f64; 3]) -> f64 {
     let corners = structure.solid.solid().extent();
     let along = |a: usize| {

@@ -122,8 +122,8 @@ impl Seepage {
         Some(Arc::new(all))
     }
 
-    /// Refuses a permeability that follows from that of grains where none does: without grains, and in unsaturated ground,
-    /// whose permeability the zones state.
+    /// Refuses a permeability that follows from that of grains where none does: without grains, and in unsaturated
+    /// ground, whose permeability the zones state.
     fn refuse_laws_of_grains(
         &self,
         zone: &Zone,
