@@ -16,7 +16,7 @@
 //! | discharge, volume of water, exit gradient | the value itself |
 //! | head | the range of imposed and initial heads, at least the height of ground with suction |
 //! | phreatic line | the height of the ground |
-//! | uplift, thrust and moment | the pressure of the range of heads over the base or depth of the structure, times the lever |
+//! | uplift, thrust and moment | the pressure of the range of heads over the base or depth, times the lever |
 //! | front: where the pressure head along a line is half of that at the start | the height of the ground |
 
 mod lengths;
