@@ -86,7 +86,7 @@ pub(super) fn write(
             wall.push(to_i32(n));
             velocity.extend([moves.x, moves.y, moves.z]);
             from.push(one.from.unwrap_or(0.0));
-            until.push(one.until.unwrap_or(f64::INFINITY));
+            until.push(one.until.unwrap_or(f64::MAX));
         }
     }
     let column = |name, units, components, data| Column {
