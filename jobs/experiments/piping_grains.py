@@ -9,7 +9,7 @@ from solver_results import open_run
 DIAMETER, VISCOSITY, GRAVITY, EXCESS, FRICTION, BEDDING = 1e-3, 5e-6, 9.81, 1.5, 20.0, 37.0
 CHAMBER, DITCH, OVERHEAD, LOOSE = 2, 4, 3, 0.3
 # Packings for each length of the cover in diameters.
-PACKINGS = {30: 5, 60: 5, 120: 1}
+PACKINGS = {30: 5, 60: 5, 120: 3}
 RAMP = ((0.0, 0.0), (0.1, 0.2), (1.2, 0.65))
 # Heads over L that stay, for the first packing.
 HELD = {30: (0.3, 0.36, 0.46), 60: (0.4, 0.5)}
