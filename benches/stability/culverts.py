@@ -8,13 +8,12 @@ speed is V = (2 g d)^1/2 with the difference d of the levels, and U = V a/D at t
 table has both cell Reynolds numbers, V h/nu and U h/nu, the lattice velocity V dt/h and the Froude number U/(g D)^1/2. A run ends after 3 s or fails.
 """
 
-import argparse
 import itertools
-import json
 import math
 import pathlib
-import subprocess
 import tempfile
+
+from levels import arguments, outcome
 
 OPERATORS = [("trt", "none"), ("trt", "smagorinsky"), ("bgk", "none"), ("bgk", "smagorinsky")]
 # Difference of the levels [m], lowest and highest point of the passage [m].
@@ -69,12 +68,7 @@ def line(operator, eddies, passage, number, velocity, outcome):
 
 def main():
     """Runs the map and writes the table."""
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("solver", type=pathlib.Path)
-    options.add_argument("--table", type=pathlib.Path)
-    given = options.parse_args()
-    solver = given.solver.resolve()
-    version = subprocess.run([solver, "-V"], capture_output=True, text=True).stdout.strip()
+    solver, table, version = arguments(__doc__)
     lines = [
         f"# {version}; python3 benches/stability/culverts.py SOLVER --table benches/stability/culverts.csv",
         "operator,eddies,difference,floor,roof,cell_reynolds_of_v,lattice_velocity,cell_reynolds,froude,outcome",
@@ -85,14 +79,11 @@ def main():
         for operator, eddies in OPERATORS:
             for passages, numbers, velocities in PARTS:
                 for row in itertools.product(passages, numbers, velocities):
-                    (folder / "case.json").write_text(json.dumps(case(operator, eddies, *row)))
-                    command = ["mpirun", "-n", "1", solver, folder / "case.json", "--allow-unstable"]
-                    command += ["--output", folder / "run", "--overwrite", "--threads", "1"]
-                    code = subprocess.run(command, capture_output=True).returncode
-                    lines.append(line(operator, eddies, *row, {0: "finished", 4: "failed"}[code]))
+                    ended = outcome(solver, folder, case(operator, eddies, *row))
+                    lines.append(line(operator, eddies, *row, ended))
                     print(lines[-1], flush=True)
-    if given.table:
-        given.table.write_text("\n".join(lines) + "\n")
+    if table:
+        table.write_text("\n".join(lines) + "\n")
 
 
 if __name__ == "__main__":

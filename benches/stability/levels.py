@@ -42,14 +42,29 @@ def case(operator, eddies, levels, spacing, number):
     }
 
 
-def main():
-    """Runs the map and writes the table."""
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def arguments(about):
+    """Returns the program and the table that the command line names, and the version of the program."""
+    options = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("solver", type=pathlib.Path)
     options.add_argument("--table", type=pathlib.Path)
     given = options.parse_args()
     solver = given.solver.resolve()
     version = subprocess.run([solver, "-V"], capture_output=True, text=True).stdout.strip()
+    return solver, given.table, version
+
+
+def outcome(solver, folder, made):
+    """Runs a case in a folder; returns how it ended."""
+    (folder / "case.json").write_text(json.dumps(made))
+    command = ["mpirun", "-n", "1", solver, folder / "case.json", "--allow-unstable"]
+    command += ["--output", folder / "run", "--overwrite", "--threads", "1"]
+    code = subprocess.run(command, capture_output=True).returncode
+    return {0: "finished", 4: "failed"}[code]
+
+
+def main():
+    """Runs the map and writes the table."""
+    solver, table, version = arguments(__doc__)
     lines = [
         f"# {version}; python3 benches/stability/levels.py SOLVER --table benches/stability/levels.csv",
         "operator,eddies,level_inside,level_outside,spacing,cell_reynolds,outcome",
@@ -61,16 +76,11 @@ def main():
             for levels in LEVELS:
                 for spacing in SPACINGS:
                     for number in NUMBERS:
-                        text = json.dumps(case(operator, eddies, levels, spacing, number))
-                        (folder / "case.json").write_text(text)
-                        command = ["mpirun", "-n", "1", solver, folder / "case.json", "--allow-unstable"]
-                        command += ["--output", folder / "run", "--overwrite", "--threads", "1"]
-                        code = subprocess.run(command, capture_output=True).returncode
-                        outcome = {0: "finished", 4: "failed"}[code]
-                        lines.append(f"{operator},{eddies},{levels[0]},{levels[1]},{spacing},{number},{outcome}")
+                        ended = outcome(solver, folder, case(operator, eddies, levels, spacing, number))
+                        lines.append(f"{operator},{eddies},{levels[0]},{levels[1]},{spacing},{number},{ended}")
                         print(lines[-1], flush=True)
-    if given.table:
-        given.table.write_text("\n".join(lines) + "\n")
+    if table:
+        table.write_text("\n".join(lines) + "\n")
 
 
 if __name__ == "__main__":

@@ -36,7 +36,7 @@
 //! solution; Gardner's soil with a power is Gardner's soil with a longer capillary length. Where that fails too, as in
 //! coarse soils far above the water table, the relative permeability gets a floor that is lowered to 1e-10.
 //!
-//! Where the slope of the permeability is infinite at saturation (van Genuchten's soil with n below 2), ponded rain
+//! The slope of the permeability of van Genuchten's soil with n below 2 is infinite at saturation. There ponded rain
 //! keeps the ground at the edge of saturation, and no step of Newton's method in the pressure decreases the norm. The
 //! step is then made in a variable of which the permeability is a smooth function, and the norm may rise for a few
 //! steps.
