@@ -57,8 +57,8 @@ pub struct Servo {
     /// Largest velocity along the normal [m/s]. Grains that cannot carry the stress are deformed at this velocity.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub velocity_limit: f64,
-    /// Fraction of the missing force that the servo adds in a solid step [1]: the velocity is gain (stress area -
-    /// force)/(stiffness of the present contacts x solid step).
+    /// Fraction of the missing force that the servo adds in a solid step [1]: the velocity is that of the grains in
+    /// contact plus gain (stress area - force)/(stiffness of the present contacts x solid step).
     #[serde(default = "default_gain")]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub gain: f64,

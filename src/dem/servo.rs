@@ -2,25 +2,29 @@
 //! stress that is given.
 //!
 //! ```text
-//! v = gain (sigma A - F)/(K dt),   |v| <= velocity limit,   F = sum of N,   K = sum of dN/d(overlap)
+//! v = (sum of K_i u_i + gain (sigma A - F)/dt)/K,   |v| <= velocity limit
+//! F = sum of N,   K = sum of K_i,   K_i = dN/d(overlap)
 //! ```
 //!
 //! v is the velocity into the grains, A the area of the wall that grains can reach ([`super::walls::area`]), N the
-//! force of the normal spring of a contact, dt the solid step. In one step at this velocity the springs gain the
-//! fraction `gain` of what F lacks, if the grains are stationary: the error falls by the factor `1 - gain` from step to
-//! step, and the control is stable up to a gain of 2 for the wall alone. While grains move away at the speed u from the
-//! wall, F lacks `K u dt/gain`: the control acts as a dashpot of `K dt/gain`, which takes energy from the grains and is
-//! weak if the solid step is small compared with the period of a contact. With a gain of at most 1 the control is
-//! stable and dissipates energy. A wall that touches nothing moves at its velocity limit.
+//! force of the normal spring of a contact, u_i the velocity of its grain away from the wall, dt the solid step. The
+//! springs gain `K_i (v - u_i) dt` in a step: the first term follows the grains, so that the force stays; the second
+//! adds the fraction `gain` of what F lacks. The error falls by the factor `1 - gain` from step to step at any constant
+//! velocity of the grains. The control is stable up to a gain of 2 for the wall alone. While grains accelerate by a
+//! away from the wall, F lacks `K a dt²/gain` to `1.5 K a dt²/gain`: the control adds the mass `K dt²/gain` to that of
+//! the grains, which is small if the solid step is small compared with the period of a contact. The wall has no mass
+//! and no damping; without the first term it would be a dashpot of `K dt/gain`, and F would lack `K u dt/gain` on
+//! grains that recede. A wall that touches nothing moves at its velocity limit.
 //!
 //! The force is measured at the end of a solid step, from the positions of that time; the wall moves with the velocity
-//! that follows from it in the next one. Position and velocity of a wall are all of its state. F and K of all walls are
-//! sums of integers ([`QUANTUM`]), one message between ranks in a step, so that they do not depend on the order.
+//! that follows from it in the next one. Position and velocity of a wall are all of its state. The sums are sums of
+//! integers ([`QUANTUM`]), one message between ranks in a step, so that they do not depend on the order.
 
 use super::space::Space;
 use super::walls::area::PlaneArea;
 
-/// Quantum of the sums of forces \[N\] and stiffnesses [N/m]: 2^-70. Sums up to 1e17 fit into 128 bits.
+/// Quantum of the sums of forces \[N\], stiffnesses [N/m] and losses of force [N/s]: 2^-70. Sums up to 1e17 fit into
+/// 128 bits.
 pub const QUANTUM: f64 = 8.470_329_472_543_003e-22;
 
 /// Returns a number in quanta, truncated towards zero; numbers beyond the range become the largest in the range.
@@ -54,19 +58,30 @@ pub struct Servo<S: Space> {
 }
 
 impl<S: Space> Servo<S> {
-    /// Returns the velocity into the grains [m/s] for the present force \[N\] and tangent stiffness [N/m] of all
-    /// contacts, the area \[m²\] and the solid step \[s\].
+    /// Returns the velocity into the grains [m/s] for the sums over all contacts, the area \[m²\] and the solid step
+    /// \[s\].
     #[must_use]
-    pub fn velocity(&self, [force, stiffness]: [f64; 2], area: f64, time_step: f64) -> f64 {
-        let missing = self.stress * area - force;
-        if missing.abs() > 0.0 {
-            // Without a contact the quotient is infinite, and the limit decides.
-            let wanted = self.gain * missing / (stiffness * time_step);
-            wanted.clamp(-self.velocity_limit, self.velocity_limit)
-        } else {
+    pub fn velocity(&self, sums: &WallSums, area: f64, time_step: f64) -> f64 {
+        let missing = self.stress * area - sums.force;
+        let wanted = (sums.receding + self.gain * missing / time_step) / sums.stiffness;
+        // Without a contact the quotient is infinite, and the limit decides; without a load as well there is none.
+        if wanted.is_nan() {
             0.0
+        } else {
+            wanted.clamp(-self.velocity_limit, self.velocity_limit)
         }
     }
+}
+
+/// Sums over the contacts of a wall.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct WallSums {
+    /// Force of the normal springs \[N\].
+    pub force: f64,
+    /// Tangent stiffness of the normal springs [N/m].
+    pub stiffness: f64,
+    /// Stiffness times velocity of the grain away from the wall [N/s]: the force that a stationary wall loses in time.
+    pub receding: f64,
 }
 
 /// Servo walls of an engine.
@@ -76,7 +91,7 @@ pub(super) struct Servos<S: Space> {
     pub(super) list: Vec<Servo<S>>,
     /// Buffers of the areas.
     pub(super) area: PlaneArea,
-    /// Force and stiffness of each control in quanta, one after the other.
+    /// The [`WallSums`] of each control in quanta, one after the other.
     pub(super) sums: Vec<u128>,
 }
 
@@ -126,21 +141,54 @@ mod tests {
             for _ in 0..20 {
                 let force = stiffness * overlap;
                 assert_relative_eq!(500.0 - force, error, epsilon = 1e-9);
-                overlap += dt * servo.velocity([force, stiffness], area, dt);
+                overlap += dt * servo.velocity(&sums(force, stiffness, 0.0), area, dt);
                 error *= 1.0 - gain;
             }
             let limited = Servo {
                 velocity_limit: 0.1,
                 ..servo
             };
-            assert_eq!(limited.velocity([0.0, 0.0], area, dt), 0.1);
-            assert_eq!(limited.velocity([1e4, 1.0], area, dt), -0.1);
+            assert_eq!(limited.velocity(&WallSums::default(), area, dt), 0.1);
+            assert_eq!(limited.velocity(&sums(1e4, 1.0, 0.0), area, dt), -0.1);
             // A wall without a load that touches nothing does not move.
             let idle = Servo {
                 stress: 0.0,
                 ..limited
             };
-            assert_eq!(idle.velocity([0.0, 0.0], area, dt), 0.0);
+            assert_eq!(idle.velocity(&WallSums::default(), area, dt), 0.0);
+        }
+    }
+
+    /// Checks a wall on springs whose grains move: the error falls as on stationary ones while their velocity is
+    /// constant, and is `K a dt²/gain` while they accelerate, if their velocity is that of the next step.
+    #[test]
+    fn the_wall_follows_its_grains() {
+        let (stiffness, area, dt, gain) = (2e6, 0.5, 1e-4, 0.25);
+        let servo = Servo::<PlaneSpace> {
+            wall: 0,
+            stress: 1e3,
+            gain,
+            velocity_limit: 10.0,
+            sliding: Vector2::zeros(),
+        };
+        for (speed, acceleration) in [(0.01, 0.0), (-0.02, 0.0), (0.0, 0.5)] {
+            let (mut overlap, mut recedes) = (1e-5_f64, speed);
+            for _ in 0..200 {
+                let sums = sums(stiffness * overlap, stiffness, stiffness * recedes);
+                recedes += acceleration * dt;
+                overlap += dt * (servo.velocity(&sums, area, dt) - recedes);
+            }
+            let missing = 500.0 - stiffness * overlap;
+            let known = stiffness * acceleration * dt * dt / gain;
+            assert_relative_eq!(missing, known, epsilon = 1e-9);
+        }
+    }
+
+    fn sums(force: f64, stiffness: f64, receding: f64) -> WallSums {
+        WallSums {
+            force,
+            stiffness,
+            receding,
         }
     }
 }

@@ -90,6 +90,35 @@ fn a_plate_reaches_its_stress() {
     approx::assert_relative_eq!(height, 0.2 * known, max_relative = 1e-6);
 }
 
+/// Checks that a plate keeps its stress on a disc that recedes or advances at a constant velocity, within 1e-3 of it,
+/// for every gain. The disc is too heavy for the plate to move.
+#[test]
+fn a_plate_keeps_its_stress_on_a_moving_disc() {
+    let (stress, domain) = (1e4, alone());
+    for (speed, gain) in [(0.01, 0.5), (0.01, 0.1), (-0.01, 0.5)] {
+        let (mut dem, mut particles) = (pressed(stress, 0.05), Particles::new());
+        dem.set_servos(vec![Servo {
+            wall: 3,
+            stress,
+            gain,
+            velocity_limit: 0.05,
+            sliding: Vector2::zeros(),
+        }]);
+        let motion = Motion {
+            position: Vector2::new(0.01, 3.0 * RADIUS),
+            velocity: Vector2::new(0.0, -speed),
+            ..Motion::default()
+        };
+        particles.insert(Body::uniform::<PlaneSpace>(0, RADIUS, 1e15, 0), motion);
+        let steps = 20_000;
+        dem.advance_many(&mut particles, &domain, steps).unwrap();
+        let mut force = 0.0;
+        dem.for_each_contact(&particles, |contact| force += contact.normal_force);
+        approx::assert_relative_eq!(force / 0.02, stress, max_relative = 1e-3);
+        approx::assert_relative_eq!(particles.motion[0].velocity.y, -speed, max_relative = 1e-3);
+    }
+}
+
 /// Positions and velocities of all grains and of the plate by id, as bits.
 fn bits(dem: &Dem<PlaneSpace>, particles: &Particles<PlaneSpace>) -> Vec<(u64, [u64; 4])> {
     let plate = &dem.walls()[3];
