@@ -90,18 +90,18 @@ fn a_plate_reaches_its_stress() {
     approx::assert_relative_eq!(height, 0.2 * known, max_relative = 1e-6);
 }
 
-/// Checks that a plate keeps its stress on a disc that recedes or advances at a constant velocity, within 1e-3 of it,
-/// for every gain. The disc is too heavy for the plate to move.
+/// Checks that a plate keeps its stress on a disc that recedes or advances at a constant velocity, for two gains. The
+/// disc is too heavy for the plate to move. A control that did not follow the disc would lack 1 % and 5 % of it.
 #[test]
 fn a_plate_keeps_its_stress_on_a_moving_disc() {
-    let (stress, domain) = (1e4, alone());
-    for (speed, gain) in [(0.01, 0.5), (0.01, 0.1), (-0.01, 0.5)] {
-        let (mut dem, mut particles) = (pressed(stress, 0.05), Particles::new());
+    let (stress, domain) = (1e3, alone());
+    for (speed, gain) in [(0.05, 0.5), (0.05, 0.1), (-0.05, 0.1)] {
+        let (mut dem, mut particles) = (pressed(stress, 0.2), Particles::new());
         dem.set_servos(vec![Servo {
             wall: 3,
             stress,
             gain,
-            velocity_limit: 0.05,
+            velocity_limit: 0.2,
             sliding: Vector2::zeros(),
         }]);
         let motion = Motion {
@@ -110,12 +110,11 @@ fn a_plate_keeps_its_stress_on_a_moving_disc() {
             ..Motion::default()
         };
         particles.insert(Body::uniform::<PlaneSpace>(0, RADIUS, 1e15, 0), motion);
-        let steps = 20_000;
-        dem.advance_many(&mut particles, &domain, steps).unwrap();
+        dem.advance_many(&mut particles, &domain, 4000).unwrap();
         let mut force = 0.0;
         dem.for_each_contact(&particles, |contact| force += contact.normal_force);
-        approx::assert_relative_eq!(force / 0.02, stress, max_relative = 1e-3);
-        approx::assert_relative_eq!(particles.motion[0].velocity.y, -speed, max_relative = 1e-3);
+        approx::assert_relative_eq!(force / 0.02, stress, max_relative = 1e-6);
+        approx::assert_relative_eq!(particles.motion[0].velocity.y, -speed, max_relative = 1e-5);
     }
 }
 
