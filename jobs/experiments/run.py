@@ -1,13 +1,13 @@
 """Runs the rows of the table in README.md again.
 
     python3 jobs/experiments/run.py NAME ...
-                                      columns, jet, round-jet, chimney, heap, laboratory, jet-erosion, backward-erosion, piping-grains
+                                      columns, jet, round-jet, chimney, heap, laboratory, triaxial, jet-erosion, backward-erosion, piping-grains
 """
 
 import importlib
 import sys
 
-ROWS = {"columns": "columns", "heap": "heap", "laboratory": "laboratory", "jet": "jet", "round-jet": "round_jet", "chimney": "chimney",
+ROWS = {"columns": "columns", "heap": "heap", "laboratory": "laboratory", "triaxial": "triaxial", "jet": "jet", "round-jet": "round_jet", "chimney": "chimney",
         "jet-erosion": "jet_erosion", "backward-erosion": "backward_erosion", "piping-grains": "piping_grains"}
 
 
