@@ -54,9 +54,9 @@ def axis(folder, height):
     return height - part.z.to_numpy(), np.array(profiles)
 
 
-def local(distance, speed, distances, profiles):
-    """Returns the velocity of the free jet at a distance from the nozzle, linear in distance and in the velocity at the nozzle."""
-    return speed * float(np.interp(speed, SPEEDS["free"], [np.interp(distance, distances, profile) for profile in profiles]))
+def local(distance, speed, origin):
+    """Returns the velocity of Schlichting's jet at a distance from the nozzle; its virtual origin, known at the last velocity of the free jet, grows with U as its length does."""
+    return speed**2 * NOZZLE / VISCOSITY / (8 * (distance / NOZZLE + origin * speed / SPEEDS["free"][-1]))
 
 
 def schlichting(distances, velocities, speed):
@@ -87,11 +87,11 @@ def threshold(folder, part, beads=1):
     return None, None, float(surface)
 
 
-def bounds(name, time, distance, free):
+def bounds(name, time, distance, origin):
     """Returns the last step before a time and the step at it: velocity, Reynolds number, Shields numbers of the jet and of its velocity at the bed."""
     place, rows = int((time - 1e-9) // STAYS[name]), []
     for speed in (SPEEDS[name][place - 1] if place else 0.0, SPEEDS[name][place]):
-        there = local(distance, speed, *free)
+        there = local(distance, speed, origin)
         rows.append((speed, speed * NOZZLE / VISCOSITY, speed**2 / WEIGHT, there**2 / WEIGHT))
     return rows
 
@@ -108,7 +108,8 @@ def main():
             folders.append(folder)
             found[name, seed] = threshold(folder, 0.25)[0], {beads: threshold(folder, 1.0, beads) for beads in BEADS}
     folders.append(run("round-jet/free", "round_jet/case.json", settings("free", FREE, flow)))
-    free = axis(folders[-1], FREE)
+    distances, profiles = axis(folders[-1], FREE)
+    slope, origin = schlichting(distances, profiles[-1], SPEEDS["free"][-1])
     answers = []
     for name, beads in ((name, beads) for name in HEIGHTS for beads in BEADS):
         values = []
@@ -118,19 +119,17 @@ def main():
             if time is None:
                 rows.append((name, beads, seed, distance / NOZZLE, f"above {SPEEDS[name][-1]}", "", "", "", first or "", "", ""))
                 continue
-            low, high = bounds(name, time, distance, free)
+            low, high = bounds(name, time, distance, origin)
             values.append([0.5 * (one + other) for one, other in zip(low, high)])
             rows.append((name, beads, seed, distance / NOZZLE, *(f"{one:.4g} to {other:.4g}" for one, other in zip(low, high)), first, time, place))
         for quantity, column in zip(("speed", "reynolds_of_jet", "shields_of_jet", "shields_local"), zip(*values)):
             answers.append((name, beads, quantity, *map(float, interval(column))))
-    for speed, profile in zip(SPEEDS["free"], free[1]):
-        slope, origin = schlichting(free[0], profile, speed)
-        answers.append((f"free jet of {speed} m/s", "", "slope_over_schlichting", float(slope), "", ""))
-        answers.append((f"free jet of {speed} m/s", "", "virtual_origin_over_nozzle", float(origin), "", ""))
+    last = f"free jet of {SPEEDS['free'][-1]} m/s"  # the slower ones have not reached their length yet
+    answers += [(last, "", "slope_over_schlichting", float(slope), "", ""), (last, "", "virtual_origin_over_nozzle", float(origin), "", "")]
     columns = ["distance", "beads", "packing", "distance_over_nozzle", "speed_m_s", "reynolds_of_jet", "shields_of_jet", "shields_local", "moved_by_a_quarter_s",
                "moved_by_a_diameter_s", "distance_from_axis_d"]
     table("round_jet_runs", columns, rows, "from the last step that holds to the first that erodes")
-    curves = [(float(x / NOZZLE), *map(float, u)) for x, u in zip(free[0], free[1].T)][::4]
+    curves = [(float(x / NOZZLE), *map(float, u)) for x, u in zip(distances, profiles.T)][::4]
     table("round_jet_axis", ["distance_over_nozzle", *(f"velocity_over_mean_at_{speed}" for speed in SPEEDS["free"])], curves)
     table("round_jet", ["distance", "beads", "quantity", "mean", "scatter", "half_width_95"], answers, f"processor time: {seconds(folders):.0f} s")
 
