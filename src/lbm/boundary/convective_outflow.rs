@@ -2,7 +2,7 @@
 //! mean pressure may be imposed.
 //!
 //! ```text
-//! f_j(x, t+1) = f_j(x', t+1) + (f_j(x, t) - f_j(x', t+1))/(1 + U) + 6 w_j κ        x' the next cell upstream
+//! f_j(x, t+1) = f_j(x', t+1) + (f_j(x, t) - f_j(x', t+1))/(1 + U) + 6 w_j g κ      x' the next cell upstream
 //! ```
 //!
 //! Without κ this is the implicit upwind difference of Lou, Guo and Shi 2013 (doi:10.1103/PhysRevE.87.063301, their
@@ -16,6 +16,12 @@
 //! a + b + κ = p + q, its mass flux a - b - κ. The pressure may vary over the face, so that eddies
 //! can leave.
 //!
+//! The share g of a cell in κ is its outward velocity over the mean of the patch, g = (u + e)/(ū + e), with u = 0 for
+//! backflow and e so small that it counts only in water at rest. In a steady stream the populations that enter then
+//! differ from those upstream by the same pressure in all cells. Where no water leaves, in eddies and in pockets
+//! behind bodies, the entering populations stay as they are: they would sum up an equal share of every step without
+//! bound.
+//!
 //! f_j(x, t) is read from the lattice before each pass, so that a restart needs only the value stored for the
 //! plane wave.
 
@@ -27,7 +33,8 @@
 use super::links::{LINKS_PER_THREAD, each_part, sums};
 use super::sound::{Forecast, PlaneWave, Sums};
 use super::{
-    BoundaryKind, BoundaryModel, Crossing, FaceLink, Giver, Place, Rule, RuleStep, quanta,
+    BoundaryKind, BoundaryModel, Crossing, FaceLink, Giver, Place, Rule, RuleStep, from_quanta,
+    quanta,
 };
 use crate::lanes::Stored;
 use crate::populations::{Parity, Populations};
@@ -130,6 +137,8 @@ struct EnteringPopulation {
     stays: f64,
     /// Square of the normal velocity, u².
     square: f64,
+    /// Velocity out of the domain; 0 for backflow.
+    outward: f64,
 }
 
 impl EnteringPopulation {
@@ -139,6 +148,9 @@ impl EnteringPopulation {
     }
 }
 
+/// Velocity e \[cells per step\] below which water counts as at rest in the shares of cells in a mean pressure.
+const AT_REST: f64 = 1e-6;
+
 /// Mean pressure imposed on a patch.
 struct Held {
     wave: PlaneWave,
@@ -146,6 +158,8 @@ struct Held {
     density: TimeTable,
     /// Predicted mean velocity out of the domain.
     forecast: Option<Forecast>,
+    /// Mean of the outward velocities of the cells in this step.
+    outward: f64,
 }
 
 /// Links of a patch with convective outflow.
@@ -210,6 +224,7 @@ impl ConvectiveOutflowLinks {
             wave,
             density,
             forecast,
+            outward: 0.0,
         });
         self
     }
@@ -235,6 +250,7 @@ impl<S: Stored> Rule<S> for ConvectiveOutflowLinks {
             before: 0.0,
             stays: 0.0,
             square: 0.0,
+            outward: 0.0,
         });
         Giver::Rule
     }
@@ -275,6 +291,7 @@ impl<S: Stored> Rule<S> for ConvectiveOutflowLinks {
                 };
                 leaving.stays = 1.0 / (1.0 + carried);
                 leaving.square = last.1 * last.1;
+                leaving.outward = (outward * last.1).max(0.0);
             }
         });
     }
@@ -295,6 +312,7 @@ impl<S: Stored> Rule<S> for ConvectiveOutflowLinks {
                     area,
                     area * leaving.square,
                     leaving.carried(upstream),
+                    area * leaving.outward,
                 ];
                 for (sum, term) in sums.iter_mut().zip(terms) {
                     *sum += i128::from(quanta(term));
@@ -309,6 +327,10 @@ impl<S: Stored> Rule<S> for ConvectiveOutflowLinks {
             let forecast = held.forecast.as_ref().map(|forecast| forecast(moment.step));
             held.wave
                 .update_outflow_excess(sums, held.density.value(moment.step), forecast);
+            let [_, area, .., outward] = sums;
+            if area != 0 {
+                held.outward = from_quanta(outward) / from_quanta(area);
+            }
         }
     }
 
@@ -325,10 +347,10 @@ impl<S: Stored> Rule<S> for ConvectiveOutflowLinks {
     fn apply(&mut self, populations: &mut Populations<S>, _: &RuleStep) {
         let parity = populations.parity();
         let count = self.links.len();
-        let excess = self
-            .held
-            .as_ref()
-            .map_or(0.0, |held| 6.0 * held.wave.excess());
+        // The excess of a cell is `slope` times its outward velocity above that of water at rest.
+        let slope = self.held.as_ref().map_or(0.0, |held| {
+            6.0 * held.wave.excess() / (held.outward + AT_REST)
+        });
         each_part(count, LINKS_PER_THREAD, populations, |part, numbers| {
             for (link, leaving) in self.links[part.clone()].iter().zip(&self.leaving[part]) {
                 let (from, to) = (
@@ -339,6 +361,7 @@ impl<S: Stored> Rule<S> for ConvectiveOutflowLinks {
                 // does not write.
                 unsafe {
                     let upstream = numbers.add(from).read().to_f64();
+                    let excess = slope * (leaving.outward + AT_REST);
                     let value = leaving.weight.mul_add(excess, leaving.carried(upstream));
                     numbers.add(to).write(S::from_f64(value));
                 }

@@ -64,8 +64,8 @@ enum ImposedQuantity {
     Velocity,
 }
 
-/// Four sums over the links of a patch, in quanta.
-pub type Sums = [i128; 4];
+/// Five sums over the links of a patch, in quanta.
+pub type Sums = [i128; 5];
 
 /// Plane wave at a patch.
 #[derive(Debug)]
@@ -155,7 +155,7 @@ impl PlaneWave {
             }
             sums
         });
-        [first, second, third, 0]
+        [first, second, third, 0, 0]
     }
 
     /// Computes the excess of this step at an imposed density deviation from the sums of all ranks, the third of
@@ -244,7 +244,7 @@ impl PlaneWave {
 }
 
 /// Returns the first, third and fourth sum divided by the area, which is the second.
-fn means([first, area, third, fourth]: Sums) -> Option<[f64; 3]> {
+fn means([first, area, third, fourth, _]: Sums) -> Option<[f64; 3]> {
     (area != 0).then(|| [first, third, fourth].map(|sum| from_quanta(sum) / from_quanta(area)))
 }
 
