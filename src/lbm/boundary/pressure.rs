@@ -58,8 +58,8 @@ pub struct Pressure {
     #[serde(default)]
     pub sound: Option<Sound>,
     /// Extent over which the pressure is imposed. `mean`: as the mean over the face; eddies leave, and the pressure
-    /// varies over the face. `each_cell`: in each cell, without velocity along the face. Default: `mean` if all other
-    /// openings impose velocities, otherwise `each_cell`.
+    /// varies over the face. `each_cell`: in each cell, without velocity along the face. Default: `mean` with an eddy
+    /// viscosity, or if all other openings impose velocities and no body moves; otherwise `each_cell`.
     #[serde(default)]
     pub held: Option<Held>,
     /// Gradient of the pressure over the face [Pa/m], without a component normal to it; `value` is then the pressure in

@@ -35,6 +35,7 @@ pub(crate) mod step;
 pub mod surface;
 
 use super::Scene;
+use super::bodies::Mobility;
 use super::findings::Findings;
 use base::error::Remedy;
 use case::Case;
@@ -213,7 +214,7 @@ pub(crate) fn keep_choices(scene: &mut Scene, written: &Case, like: &Scene) {
         flow.lattice = chosen.lattice;
         flow.storage = chosen.storage;
     }
-    hold_means_in_eddies(scene);
+    choose_extents_of_pressures(scene);
     if let (Some(seepage), Some(chosen)) = (&mut scene.seepage, &like.seepage) {
         seepage.coupling_time = chosen.coupling_time;
     }
@@ -224,17 +225,26 @@ pub(crate) fn keep_choices(scene: &mut Scene, written: &Case, like: &Scene) {
     scene.density_causes.clone_from(&like.density_causes);
 }
 
-/// Imposes pressures as means over the opening if an eddy viscosity is used and the case does not state how they
-/// apply: imposed in each cell they would not let eddies leave.
-fn hold_means_in_eddies(scene: &mut Scene) {
-    let Some(flow) = scene.flow.as_mut().filter(|flow| flow.turbulence.is_some()) else {
-        return;
+/// Chooses the extent over which pressures are imposed where the case does not state it and the scene decides: as
+/// means with an eddy viscosity, because eddies do not leave through cells with one pressure each; else in each cell
+/// if bodies move, because a body that reaches an opening parts the water there, and a mean does not determine the
+/// pressure of each part.
+fn choose_extents_of_pressures(scene: &mut Scene) {
+    let mut bodies = scene.bodies.iter();
+    let moves = bodies.any(|body| body.mobility != Mobility::Fixed)
+        || scene.grains.is_some()
+        || scene.blocks.is_some();
+    let Some(flow) = &mut scene.flow else { return };
+    let extent = match flow.turbulence {
+        Some(_) => Held::Mean,
+        None if moves => Held::EachCell,
+        None => return,
     };
     for patch in flow.faces.iter_mut().flatten() {
         if let Condition::Pressure(pressure) = &mut patch.condition
             && pressure.gradient.is_none()
         {
-            pressure.held.get_or_insert(Held::Mean);
+            pressure.held.get_or_insert(extent);
         }
     }
 }
@@ -286,7 +296,7 @@ pub(crate) fn choose_remaining(
             promise::compute_promise(scene, case, lbm, accuracy.target(), findings);
         }
     }
-    hold_means_in_eddies(scene);
+    choose_extents_of_pressures(scene);
     if written.coupling.is_none() {
         solids::closed_pores(scene, findings);
     }
