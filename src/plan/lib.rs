@@ -27,6 +27,7 @@ pub mod margin;
 pub mod models;
 pub mod pore_flow;
 pub mod report;
+mod resting;
 pub mod scene;
 mod seepage;
 mod servo;

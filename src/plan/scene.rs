@@ -149,7 +149,12 @@ impl Solids {
         let walls = walls::walls(case, grid, names, &structures, findings);
         let bodies = bodies::bodies(case, grid, names, findings);
         let grains = grains::grains(case, grid, names, findings);
-        let contact = contact::ContactTable::resolve(case, grains.as_ref(), findings);
+        let contact = contact::ContactTable::resolve(
+            case,
+            grains.as_ref(),
+            auto::solids::in_saturated_cells(case),
+            findings,
+        );
         contact::warn_of_friction(case, findings);
         Self {
             structures,

@@ -590,3 +590,39 @@ fn the_median_of_what_left_is_that_of_the_record() {
     let found = errors(&none);
     assert!(found.contains("no grains in this case"), "{found}");
 }
+
+/// Checks that a disc lies still on a floor in partially saturated cells without a stated shear dashpot, with springs
+/// against which the delay of the water's load drove it to 0.2 to 0.4 mm/s.
+#[test]
+fn a_disc_on_a_floor_lies_still() {
+    let _beside = beside_others();
+    for (density, stiffness) in [(1050, 4e4), (1200, 4.2e4), (2000, 4.4e5)] {
+        let case = json!({
+            "domain": {"size": [0.015, 0.012], "spacing": 0.0005},
+            "gravity": [0, -9.81],
+            "materials": {"stone": {"density": density}, "floor": {}},
+            "fluid": {"lattice_boltzmann": {"density": 1000, "kinematic_viscosity": 1e-5}},
+            "contact": {"linear": {"friction_angle_degrees": 20, "normal_damping_ratio": 0.2,
+                                   "normal_stiffness": {"absolute": stiffness}}},
+            "box_walls": ["x_min", "x_max", "y_min", "y_max"],
+            "box_wall_material": "floor",
+            "coupling": {"partially_saturated": {}},
+            "bodies": [{"name": "disc", "shape": {"disc": {"radius": 0.0015}}, "position": [0.007, 0.0015],
+                        "motion": {"free": {}}, "material": "stone"}],
+            "time": {"end": 0.4},
+            "probes": [{"name": "disc", "every": 0.002, "at": {"body": {"name": "disc"}}}],
+            "output": {}
+        });
+        let study = Study::new(&case.to_string());
+        study.run("rest", 1, 1, &[]);
+        let rows = io::table::read(&study.path("rest").join("probe_disc.csv")).unwrap();
+        let speeds = rows.column("velocity_x").unwrap();
+        let late = &speeds[speeds.len() / 2..];
+        let largest = late.iter().fold(0.0, |most: f64, u| most.max(u.abs()));
+        // The roll of the start decays from 3e-6 m/s.
+        assert!(
+            largest < 5e-6,
+            "{density} kg/m3, {stiffness} N/m: {largest} m/s"
+        );
+    }
+}

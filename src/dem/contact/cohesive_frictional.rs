@@ -56,10 +56,12 @@ pub struct CohesiveFrictionalInput {
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 2.0))]
     pub normal_damping_ratio: f64,
-    /// Dashpot in parallel with the shear spring, as a fraction of the critical damping of the pair.
-    #[serde(default)]
+    /// Dashpot in parallel with the shear spring, as a fraction of the critical damping of the pair. Default: 0; for
+    /// bodies in partially saturated cells the normal damping ratio, because the load of the water follows their motion
+    /// with a delay, which excites springs without dashpots.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 2.0))]
-    pub shear_damping_ratio: f64,
+    pub shear_damping_ratio: Option<f64>,
     /// Local (non-viscous) damping [1]: a force of this fraction of the force on a grain acts against its motion; 0
     /// turns it off.
     #[serde(default)]
@@ -85,7 +87,8 @@ impl<F: From<CohesiveFrictional>> ContactParameters<F> for CohesiveFrictionalInp
             friction: coefficient(self.friction_angle_degrees.unwrap_or(0.0)),
             cohesion: self.cohesion,
             normal_damping_ratio: self.normal_damping_ratio,
-            shear_damping_ratio: self.shear_damping_ratio,
+            shear_damping_ratio: scene
+                .shear_damping(self.shear_damping_ratio, self.normal_damping_ratio),
         };
         base.linear().check(path, report);
         let parameters = pair_table(
@@ -161,6 +164,10 @@ pub struct CohesiveFrictional {
 impl ContactModel for CohesiveFrictional {
     fn describe(&self) -> String {
         "linear, cohesive-frictional".into()
+    }
+
+    fn shear_damping_path(&self) -> Option<&'static str> {
+        Some("contact.cohesive_frictional.shear_damping_ratio")
     }
 
     fn materials(&self) -> u32 {

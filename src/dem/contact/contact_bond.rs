@@ -75,10 +75,12 @@ pub struct ContactBondInput {
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 2.0))]
     pub normal_damping_ratio: f64,
-    /// Dashpot in parallel with the shear spring, as a fraction of the critical damping of the pair.
-    #[serde(default)]
+    /// Dashpot in parallel with the shear spring, as a fraction of the critical damping of the pair. Default: 0; for
+    /// bodies in partially saturated cells the normal damping ratio, because the load of the water follows their motion
+    /// with a delay, which excites springs without dashpots.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 2.0))]
-    pub shear_damping_ratio: f64,
+    pub shear_damping_ratio: Option<f64>,
     /// Rolling resistance. Default: none.
     #[serde(default)]
     pub rolling: Option<rolling::RollingParameters>,
@@ -116,7 +118,8 @@ where
                 stiffness_ratio: self.shear_to_normal_stiffness,
                 friction: coefficient(self.friction_angle_degrees.unwrap_or(0.0)),
                 normal_damping_ratio: self.normal_damping_ratio,
-                shear_damping_ratio: self.shear_damping_ratio,
+                shear_damping_ratio: scene
+                    .shear_damping(self.shear_damping_ratio, self.normal_damping_ratio),
                 attraction: false,
             },
             tensile_strength: self.tensile_strength,
@@ -184,6 +187,10 @@ pub struct ContactBond {
 impl ContactModel for ContactBond {
     fn describe(&self) -> String {
         "linear with contact bonds".into()
+    }
+
+    fn shear_damping_path(&self) -> Option<&'static str> {
+        Some("contact.contact_bond.shear_damping_ratio")
     }
 
     fn materials(&self) -> u32 {

@@ -60,6 +60,8 @@ pub struct SceneFacts<'a> {
     pub bond_at_start: bool,
     /// Upper bound of the speed at which two bodies approach each other [m/s].
     pub fastest_approach: f64,
+    /// `true` if bodies are in partially saturated cells of a fluid.
+    pub saturated_cells: bool,
 }
 
 /// Properties of a material that a law may need.
@@ -88,6 +90,11 @@ pub enum Preparation {
 }
 
 impl SceneFacts<'_> {
+    /// Returns the damping ratio of a shear dashpot, for the stated one and that of the normal dashpot.
+    pub(super) fn shear_damping(&self, stated: Option<f64>, normal: f64) -> f64 {
+        stated.unwrap_or(if self.saturated_cells { normal } else { 0.0 })
+    }
+
     /// Returns the number of materials, at least one.
     #[must_use]
     pub fn material_count(&self) -> u32 {

@@ -56,10 +56,12 @@ pub struct LinearInput {
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 2.0))]
     pub normal_damping_ratio: f64,
-    /// Dashpot in parallel with the shear spring, as a fraction of the critical damping of the pair.
-    #[serde(default)]
+    /// Dashpot in parallel with the shear spring, as a fraction of the critical damping of the pair. Default: 0; for
+    /// bodies in partially saturated cells the normal damping ratio, because the load of the water follows their motion
+    /// with a delay, which excites springs without dashpots.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 2.0))]
-    pub shear_damping_ratio: f64,
+    pub shear_damping_ratio: Option<f64>,
     /// `true` if the dashpot may pull while the grains separate. Otherwise the normal force is never tensile, and the
     /// rebound is slightly faster than the damping ratio implies. At the default step the restitution of every impact
     /// is within 1 % up to a damping ratio of
@@ -103,7 +105,8 @@ where
             stiffness_ratio: self.shear_to_normal_stiffness,
             friction: coefficient(self.friction_angle_degrees.unwrap_or(0.0)),
             normal_damping_ratio: self.normal_damping_ratio,
-            shear_damping_ratio: self.shear_damping_ratio,
+            shear_damping_ratio: scene
+                .shear_damping(self.shear_damping_ratio, self.normal_damping_ratio),
             attraction: self.attraction,
         };
         base.check(path, report);
@@ -231,6 +234,10 @@ pub struct Linear {
 impl ContactModel for Linear {
     fn describe(&self) -> String {
         "linear with friction".into()
+    }
+
+    fn shear_damping_path(&self) -> Option<&'static str> {
+        Some("contact.linear.shear_damping_ratio")
     }
 
     fn materials(&self) -> u32 {

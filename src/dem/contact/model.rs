@@ -52,6 +52,11 @@ pub trait ContactModel {
         None
     }
 
+    /// Returns the JSON path of the damping of the shear springs; none for a law that has its own.
+    fn shear_damping_path(&self) -> Option<&'static str> {
+        None
+    }
+
     /// Returns `true` if contacts can be bonded.
     fn bonds(&self) -> bool {
         false

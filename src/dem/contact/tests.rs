@@ -73,6 +73,7 @@ fn facts(materials: &[MaterialFacts], bond_at_start: bool) -> SceneFacts<'_> {
         grains: Preparation::Listed,
         bond_at_start,
         fastest_approach: 1.0,
+        saturated_cells: false,
     }
 }
 

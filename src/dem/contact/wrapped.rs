@@ -25,6 +25,10 @@ macro_rules! model_of_law_below {
             self.law.springs(contact)
         }
 
+        fn shear_damping_path(&self) -> Option<&'static str> {
+            self.law.shear_damping_path()
+        }
+
         fn impact_speed(&self) -> Option<(f64, &'static str)> {
             self.law.impact_speed()
         }

@@ -58,6 +58,7 @@ impl ContactTable {
     pub(crate) fn resolve(
         case: &Case,
         sample: Option<&Grains>,
+        saturated_cells: bool,
         findings: &mut Findings,
     ) -> Option<Self> {
         let written = case.contact.as_ref()?;
@@ -84,6 +85,7 @@ impl ContactTable {
             },
             bond_at_start: grains.is_some_and(|grains| grains.bond_at_start),
             fastest_approach: fastest_approach(case, sample),
+            saturated_cells,
         };
         let law = written.model().resolve(&facts, findings)?;
         let path = "grains.bond_at_start";

@@ -101,6 +101,14 @@ pub(crate) fn closed_pores(scene: &Scene, findings: &mut Findings) {
     }
 }
 
+/// Returns `true` if the bodies of a case are in partially saturated cells of a fluid.
+pub(crate) fn in_saturated_cells(case: &Case) -> bool {
+    let in_lattice = super::features::lattice(case).is_some();
+    let stated = case.coupling.as_ref();
+    let cells = |coupling: &Coupling| matches!(coupling, Coupling::PartiallySaturated(_));
+    in_lattice && stated.map_or_else(|| cells(&coupling(case).0), cells)
+}
+
 /// Returns `true` if the linear law of a case states no stiffness.
 pub(crate) fn without_stiffness(case: &Case) -> bool {
     matches!(&case.contact, Some(Contact::Linear(law)) if law.normal_stiffness.is_none())
@@ -151,7 +159,12 @@ pub(crate) fn choose_contact(
         contact: Some(law),
         ..case.clone()
     };
-    scene.contact = ContactTable::resolve(&with_law, scene.grains.as_ref(), findings);
+    scene.contact = ContactTable::resolve(
+        &with_law,
+        scene.grains.as_ref(),
+        in_saturated_cells(case),
+        findings,
+    );
 }
 
 /// Returns the law of discs and spheres, and the reason.
@@ -176,7 +189,7 @@ fn sphere_law(scene: &Scene, case: &Case, target: Option<f64>) -> (Contact, Stri
             shear_to_normal_stiffness: 0.4,
             friction_angle_degrees: Some(FRICTION_DEGREES),
             normal_damping_ratio: DAMPING,
-            shear_damping_ratio: DAMPING,
+            shear_damping_ratio: Some(DAMPING),
             attraction: false,
             rolling: None,
             bridges: None,
