@@ -14,6 +14,7 @@ mod coupling_interval;
 pub(crate) mod critical_step;
 pub mod device;
 mod drawings;
+mod driven_path;
 pub mod ends;
 pub mod envelope;
 pub mod estimate;
