@@ -212,6 +212,10 @@ impl Plan {
                     .into(),
             );
         }
+        why.push(format!(
+            "processor time; in addition the run waits about {} for MPI to start and for its files",
+            duration(e.waiting_seconds)
+        ));
         rows.push([
             "time on one core".into(),
             duration(e.seconds_on_one_core),

@@ -70,7 +70,7 @@ impl Costs {
             *plane += match water {
                 Some(water) => {
                     let [wet, interface] = water[n];
-                    picoseconds(wet * parts.cell + interface * parts.interface)
+                    picoseconds(wet * (parts.cell + parts.wet) + interface * parts.interface)
                 }
                 None => empty,
             };

@@ -98,7 +98,7 @@ impl Unanswered {
 }
 
 /// Returns the processor time of this process: a process that waits for a core is slow, but still answers.
-fn processor_time() -> Duration {
+pub(super) fn processor_time() -> Duration {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
     Duration::try_from(time).unwrap_or_default()
 }

@@ -1,4 +1,7 @@
-//! Time of a run on one core.
+//! Processor time of a run on one core, and the time in which it waits.
+//!
+//! Processor time does not depend on what else the machine computes. The run waits while MPI starts its own processes and
+//! while files are on their way to the disk: this time comes in addition to that of its core.
 //!
 //! The rates were measured on one core of the reference machine, an AMD EPYC with AVX-512, with the cases of
 //! `jobs/plans`. The pass over the lattice scales with the measured speed of the fluid, everything else with that of
@@ -15,7 +18,7 @@ use case::fluid::Precision;
 use lbm::lattice::VelocitySet;
 use serde::Serialize;
 
-/// Time of each phase on one core \[s\].
+/// Processor time of each phase on one core \[s\].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Seconds {
     /// Start of the program, input, first neighbour lists, hash of the final state.
@@ -79,8 +82,10 @@ pub(super) fn mlups(flow: &Flow) -> f64 {
     1e3 / (nanoseconds + eddies)
 }
 
-/// Time of start and end of the program \[s\].
-const START: f64 = 0.23;
+/// Processor time of start and end of the program \[s\].
+const START: f64 = 0.03;
+/// Time in which the program waits for the start of MPI \[s\].
+const START_OF_MPI: f64 = 0.2;
 /// Time to hash a population of the final state \[s\].
 const HASH: f64 = 2.6e-8;
 /// Time of a fluid step without its cells \[s\].
@@ -116,6 +121,8 @@ const GRAIN: [f64; 2] = [4.5e-8, 3.9e-8];
 /// of the densest packing cost no more than those of [`GRAIN`].
 const CONTACTS: f64 = 1.75;
 const CONTACT: f64 = 1.9e-8;
+/// Additional time of a contact with a servo wall, whose forces and stiffnesses are exact sums \[s\].
+const SERVO_CONTACT: f64 = 5e-8;
 /// Time of a step of the run with moving grains, without its solid steps \[s\].
 const GRAIN_STEP: f64 = 1.5e-6;
 /// Time that bonds add to a grain \[s\].
@@ -123,7 +130,12 @@ const BONDS: f64 = 3.1e-8;
 /// Time of a block among few blocks, and in a pile, in a solid step \[s\].
 const BLOCK: [f64; 2] = [9.5e-7, 4.3e-6];
 /// Time of a cell that a free surface passes, in 2-D and 3-D \[s\], without that of its collision.
-const INTERFACE: [f64; 2] = [5e-7, 4.7e-7];
+const INTERFACE: [f64; 2] = [2.1e-7, 3.3e-7];
+/// Time that a free surface adds to each cell with water, in 2-D and 3-D \[s\]: its kind.
+const KIND: [f64; 2] = [1.5e-9, 5e-9];
+/// Times of a cell covered by a body or block in water with a free surface, and of one between it and open water \[s\]:
+/// water, weight and load of these cells are computed in every step, also those of fixed bodies.
+const BODY_IN_SURFACE: [f64; 2] = [1e-7, 3e-7];
 /// Time of a seepage solution without its cells, of each of its cells, and of the porosity of a grain \[s\].
 const SEEPAGE: [f64; 3] = [2.1e-3, 1.6e-7, 4.8e-7];
 /// Time of a cell in a solution for a withdrawal from a cell of a pipe of backward erosion \[s\].
@@ -159,6 +171,8 @@ const GROWTH_STEPS: f64 = 1.8e4;
 pub struct Parts {
     /// Cost of a lattice cell.
     pub cell: f64,
+    /// Additional cost of a cell with water if it has a free surface.
+    pub wet: f64,
     /// Additional cost of a cell that a free surface passes.
     pub interface: f64,
     /// Additional cost of a cell that a solid covers.
@@ -187,6 +201,9 @@ impl Parts {
         if let Some(flow) = &scene.flow {
             all.cell = 1e-6 / mlups(flow);
             all.interface = INTERFACE[three];
+            if scene.surface.is_some() {
+                all.wet = KIND[three];
+            }
             let kind = match flow.lattice {
                 VelocitySet::D2Q9 => 0,
                 VelocitySet::D3Q19 => 1,
@@ -202,6 +219,11 @@ impl Parts {
                     }
                 }
                 None => {}
+            }
+            if scene.surface.is_some() && scene.coupling.is_some() {
+                let [covered, open] = BODY_IN_SURFACE;
+                all.covered += covered;
+                all.linked += open * super::joints::open_share(scene);
             }
             let bed = if bonds {
                 STATIONARY_GRAIN_TIME
@@ -239,8 +261,6 @@ impl Seconds {
         let solid_steps = real(clock.steps) * f64::from(clock.solid_steps_per_step);
         let three = usize::from(scene.grid.dimension == 3);
         let parts = Parts::for_scene(scene, clock);
-        let end = scene.time.end;
-        let mut files = 0.0;
         if let Some(flow) = &scene.flow {
             let openings: f64 = flow
                 .patches()
@@ -253,7 +273,7 @@ impl Seconds {
                 })
                 .sum();
             let solids = amounts.surface * parts.linked + amounts.covered * parts.covered;
-            let interface = amounts.interface * parts.interface;
+            let interface = amounts.interface * parts.interface + amounts.wet * parts.wet;
             let beside = STEP + openings * OPENING + solids + interface;
             all.fluid =
                 steps * (amounts.wet * parts.cell / machine.fluid + beside / machine.grains);
@@ -299,7 +319,9 @@ impl Seconds {
             } else {
                 0.0
             };
-            all.grains = (solid_steps * (SOLID_STEP + dense * CONTACT)
+            let [walls, servos] = amounts.wall_contacts;
+            let contacts = (dense + walls) * CONTACT + servos * SERVO_CONTACT;
+            all.grains = (solid_steps * (SOLID_STEP + contacts)
                 + real(clock.steps) * (GRAIN_STEP + solids))
                 / machine.grains;
         }
@@ -314,28 +336,41 @@ impl Seconds {
             all.preparation = amounts.prepared * GRAIN[three] * listed * steps / machine.grains;
         }
         let output = &scene.output;
-        let intervals = [
-            output.fluid.as_ref().map(|o| o.every),
-            output.grains.as_ref().map(|o| o.every),
-            output.contacts.as_ref().map(|o| o.every),
-            output.blocks.as_ref().map(|o| o.every),
-        ];
-        for every in intervals.into_iter().flatten() {
-            files += outputs(every, end);
-        }
         let fields = output.fluid.as_ref().map_or(0.0, |o| {
             let numbers: usize = o
                 .fields
                 .iter()
                 .map(|f| f.components(scene.grid.dimension))
                 .sum();
-            outputs(o.every, end) * (amounts.cells + amounts.seepage_cells) * real(numbers) * 4.0
+            outputs(o.every, scene.time.end)
+                * (amounts.cells + amounts.seepage_cells)
+                * real(numbers)
+                * 4.0
         });
         let bytes = checkpoint * CHECKPOINT_BYTE + fields * BYTE;
-        all.output = (files + 1.0) * (OUTPUT / machine.grains + FILES * machine.file_seconds)
-            + bytes / machine.grains;
+        all.output = (times_written(scene) * OUTPUT + bytes) / machine.grains;
         all
     }
+}
+
+/// Returns the time in which a run waits for the start of MPI and for its files \[s\].
+pub(super) fn waiting(scene: &Scene, machine: Machine) -> f64 {
+    START_OF_MPI / machine.grains + times_written(scene) * FILES * machine.file_seconds
+}
+
+/// Returns the number of outputs of all kinds, and one for the final state.
+fn times_written(scene: &Scene) -> f64 {
+    let output = &scene.output;
+    let intervals = [
+        output.fluid.as_ref().map(|o| o.every),
+        output.grains.as_ref().map(|o| o.every),
+        output.contacts.as_ref().map(|o| o.every),
+        output.blocks.as_ref().map(|o| o.every),
+    ];
+    let written = intervals.into_iter().flatten();
+    1.0 + written
+        .map(|every| outputs(every, scene.time.end))
+        .sum::<f64>()
 }
 
 /// Returns the number of solid steps of a preparation.

@@ -41,7 +41,7 @@ pub(crate) fn near(
 }
 
 /// Largest gap of grains that touch, relative to their radii.
-const TOUCHES: f64 = 1e-3;
+pub(crate) const TOUCHES: f64 = 1e-3;
 /// Largest number of contacts per sphere of equal spheres, each of two spheres.
 const MOST_CONTACTS: usize = 6;
 

@@ -11,6 +11,7 @@ use super::super::piping::{self, PipingAnswers};
 use super::super::progress::clock;
 use super::super::settled;
 use super::super::versions::versions;
+use super::super::watch;
 use super::runner::Runner;
 use base::error::Error;
 use base::number::real;
@@ -272,12 +273,16 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         let now = &self.simulation.now;
         let guards = &self.simulation.guards;
         let communicator = now.domain.communicator();
+        // Processor time of all ranks [s], which does not depend on other work of the machine.
+        let used = u64::try_from(watch::processor_time().as_micros()).unwrap_or(u64::MAX);
+        let processor = 1e-6 * real(communicator.all_reduce_sum_u64(used));
         let mut values = json!({
             "outcome": outcome,
             "steps": now.step,
             "steps_of_this_run": now.step - self.first_step,
             "time": now.time(),
             "wall_seconds": measures.wall,
+            "processor_seconds": processor,
             "loop_seconds": measures.looped,
             "phases": measures.account.phases,
             "waiting_seconds": measures.account.waiting,
