@@ -34,6 +34,7 @@ mod seepage;
 mod servo;
 mod stability;
 mod terms;
+mod wall_travel;
 
 use crate::scene::Scene;
 use crate::scene::auto::step::divided;

@@ -336,6 +336,28 @@ fn a_contact_that_is_pierced_is_named() {
     ran(0, &strict, &[]).done.expect(4);
 }
 
+/// Checks a lid that moves onto a ball on the floor: the failure names the wall, against which no stiffness helps.
+#[test]
+fn a_wall_that_leaves_no_room_is_named() {
+    let case = json!({
+        "domain": {"size": [0.1, 0.1, 0.1], "spacing": 0.01},
+        "materials": {"rock": {"density": 2600}},
+        "grains": {"material": "rock", "initial": {"list": [{"position": [0.05, 0.05, 0.01], "radius": 0.01}]}},
+        "contact": {"linear": {"normal_stiffness": {"absolute": 1e4}, "normal_damping_ratio": 0.3}},
+        "box_walls": ["x_min", "x_max", "y_min", "y_max", "z_min"],
+        "walls": [{"name": "lid", "material": "rock", "velocity": [0, 0, -0.1],
+            "shape": {"plane": {"point": [0, 0, 0.021], "normal": [0, 0, -1]}}}],
+        "time": {"end": 0.2}
+    });
+    let said = ran(0, &case, &[]).done.expect(4).stderr;
+    for words in [
+        "above guards.max_overlap",
+        "the moving wall `lid` leaves a body no room",
+    ] {
+        assert!(said.contains(words), "{words}: {said}");
+    }
+}
+
 /// Checks that log and summary contain the Mach number next to the lattice velocity, and that the log reports a
 /// lattice velocity above 0.1 once.
 #[test]

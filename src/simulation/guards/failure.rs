@@ -266,12 +266,27 @@ pub(super) fn of_overlap(deepest: &Deepest, plan: &Plan) -> String {
         plan.scene.guards.max_overlap
     )];
     parts.extend(nearest(plan, |limit| limit.starts_with(IMPACT)).map(limit));
+    parts.extend(moving_walls(plan));
     parts.push(
         "the contact is too soft for this load or impact: raise the normal stiffness by the square of the ratio of \
          this overlap to the limit"
             .into(),
     );
     parts.join("; ")
+}
+
+/// Returns the part of a message that names the walls which move whatever the forces on them are; none without.
+fn moving_walls(plan: &Plan) -> Option<String> {
+    let walls = plan.scene.walls.iter();
+    let moving =
+        walls.filter(|wall| wall.servo.is_none() && wall.velocity.iter().any(|v| *v != 0.0));
+    let names: Vec<String> = moving.map(|wall| format!("`{}`", wall.name)).collect();
+    (!names.is_empty()).then(|| {
+        format!(
+            "no stiffness helps where the moving wall {} leaves a body no room: stop it earlier",
+            names.join(" or ")
+        )
+    })
 }
 
 /// Beginning of the name of the limit of [`plan`] for impacts.
