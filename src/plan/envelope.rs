@@ -64,6 +64,7 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
     super::contacts::check(scene, clock, &mut margins, findings);
     super::impacts::check(scene, &mut margins, findings);
     super::servo::check(scene, findings);
+    super::sampling::check(scene, clock, findings);
     super::wall_travel::check(scene, findings);
     super::added_mass::check(scene, &mut margins, findings);
     super::resting::check(scene, findings);

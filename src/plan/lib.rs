@@ -29,6 +29,7 @@ pub mod models;
 pub mod pore_flow;
 pub mod report;
 mod resting;
+mod sampling;
 pub mod scene;
 mod seepage;
 mod servo;

@@ -220,7 +220,7 @@ fn common_interval(a: f64, b: f64) -> f64 {
 }
 
 /// Returns the interval \[s\] that time steps of about `longest` \[s\] should divide: of all samples and outputs, or
-/// otherwise of the probes, or otherwise the shortest; none if all are shorter than a step.
+/// otherwise of the probes, or otherwise the shortest; none if all are shorter than [`SHORTEST`] of a step.
 fn interval_to_divide(scene: &Scene, longest: f64) -> Option<f64> {
     let finite = |every: &f64| every.is_finite() && *every > 0.0;
     let all: Vec<f64> = intervals(scene).filter(finite).collect();
@@ -231,7 +231,7 @@ fn interval_to_divide(scene: &Scene, longest: f64) -> Option<f64> {
         probes.reduce(common_interval),
         shortest,
     ];
-    let fits = |every: &f64| *every >= longest * (1.0 - ROUNDING);
+    let fits = |every: &f64| *every >= SHORTEST * longest * (1.0 - ROUNDING);
     candidates.into_iter().flatten().find(fits)
 }
 
