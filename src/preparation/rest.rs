@@ -5,18 +5,18 @@
 //! agglomerate in the air, a named body above a bed and a grain that touches nothing have no equilibrium but the floor,
 //! so they are held at their positions ([`Kind::Held`]), unless no gravity acts. Where bonds break, the grains that
 //! lose their support are held from the next check on. The report gives the number of bonds that break in this
-//! relaxation, before the flow starts, and the largest displacement: a supported piece that slides to a new position
+//! relaxation, before the flow starts, `bonds.csv` lists them with the time 0, and the report gives the largest displacement: a supported piece that slides to a new position
 //! does so before time 0. Driven bodies and walls are stationary during the relaxation. Afterwards each grain, body
 //! and wall receives its velocity in the case.
 
 use super::supervision::{Request, Requests};
 use base::error::Error;
-use decomposition::Domain;
+use decomposition::{Communicator, Domain};
 use dem::contact::{Depth, StaticContact};
 use dem::particles::Particles;
 use dem::relax::unbalanced_text;
 use dem::space::{Components, Space};
-use dem::{Dem, EquilibriumState, Kind, Relaxation};
+use dem::{BondBreak, Dem, EquilibriumState, Failure, Kind, Relaxation};
 use plan::scene::Scene;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -165,6 +165,50 @@ pub struct SavedRest {
     rounding: u64,
     /// Id, and the bits of the six components of velocity and spin.
     velocities: Vec<(u64, [u64; 6])>,
+    #[serde(default)]
+    breaks: Vec<EarlyBreak>,
+}
+
+/// Bond that broke before the run began.
+#[derive(Clone, Copy, Debug, Deserialize, Eq, Ord, PartialEq, PartialOrd, Serialize)]
+pub struct EarlyBreak {
+    /// Solid step of the relaxation.
+    pub solid_step: u64,
+    /// Ids of both grains, the lower first; of a wall `u64::MAX` minus its index.
+    pub ids: [u64; 2],
+    /// Bits of the coordinates x and y of the contact \[m\].
+    pub position: [u64; 2],
+    /// `true` if the bond broke in shear, `false` if in tension.
+    pub shear: bool,
+}
+
+/// Returns the breaks of all ranks, in the order of steps and ids. Collective.
+fn gather<S: Space>(
+    breaks: Vec<BondBreak<S>>,
+    communicator: &Communicator,
+) -> Result<Vec<EarlyBreak>, Error> {
+    let early = breaks.into_iter().map(|broken| EarlyBreak {
+        solid_step: broken.step,
+        ids: [
+            broken.grain,
+            match (broken.other, broken.wall) {
+                (Some(other), _) => other,
+                (None, wall) => u64::MAX - wall.map_or(0, u64::from),
+            },
+        ],
+        position: [0, 1].map(|axis| broken.position.get(axis).to_bits()),
+        shear: broken.mode == Failure::Shear,
+    });
+    let own = serde_json::to_vec(&early.collect::<Vec<_>>());
+    let own = own.map_err(|error| Error::Internal(error.to_string()))?;
+    let mut all = Vec::new();
+    for bytes in communicator.all_gather_bytes(&own) {
+        let part: Vec<EarlyBreak> =
+            serde_json::from_slice(&bytes).map_err(|error| Error::Internal(error.to_string()))?;
+        all.extend(part);
+    }
+    all.sort_unstable();
+    Ok(all)
 }
 
 /// Relaxation of bonded grains without the fluid.
@@ -181,6 +225,8 @@ pub struct BondRelaxation {
     rounding: f64,
     /// Velocities of grains and bodies to be restored after the relaxation.
     velocities: Velocities,
+    /// Bonds broken during the relaxation.
+    breaks: Vec<EarlyBreak>,
 }
 
 impl BondRelaxation {
@@ -212,6 +258,7 @@ impl BondRelaxation {
             steps: 0,
             rounding: force_of_rounding(scene),
             velocities,
+            breaks: Vec::new(),
         }))
     }
 
@@ -231,6 +278,7 @@ impl BondRelaxation {
             steps: self.steps,
             rounding: self.rounding.to_bits(),
             velocities,
+            breaks: self.breaks.clone(),
         }
     }
 
@@ -248,11 +296,13 @@ impl BondRelaxation {
                 .into_iter()
                 .map(|(id, velocity)| (id, velocity.map(f64::from_bits)))
                 .collect(),
+            breaks: state.breaks,
         }
     }
 
     /// Runs damped steps until the grains are stationary. `save` is called at each request and may end the run with
-    /// an error. Returns a line to print and the entry of the summary. Collective.
+    /// an error. Returns a line to print and the entry of the summary, in which `breaks` lists the bonds that broke as
+    /// [`EarlyBreak`]. Collective.
     ///
     /// # Errors
     /// If [`Dem::advance`] or `save` fails.
@@ -279,7 +329,12 @@ impl BondRelaxation {
             let batch = requests.steps().min(to_check).min(until.limit - self.steps);
             dem.advance_many(particles, domain, batch)?;
             self.steps += batch;
-            self.broken += communicator.all_reduce_sum_u64(dem.take_breaks().len() as u64);
+            let breaks = dem.take_breaks();
+            let broken = communicator.all_reduce_sum_u64(breaks.len() as u64);
+            if broken > 0 {
+                self.broken += broken;
+                self.breaks.extend(gather(breaks, communicator)?);
+            }
             let checks = self.steps.is_multiple_of(until.check_every) || self.steps >= until.limit;
             if checks {
                 if self.broken > self.broken_at_check {
@@ -312,6 +367,7 @@ impl BondRelaxation {
         let report = json!({
             "bonds": self.bonds,
             "bonds_broken": self.broken,
+            "breaks": self.breaks,
             "held": held,
             "at_rest": self.at_rest(&still),
             "solid_steps": self.steps,
@@ -406,10 +462,15 @@ mod tests {
 
     /// Returns a law whose bonds bear more than any force of the tests.
     fn bonds() -> Law {
+        bonds_of(1e3)
+    }
+
+    /// Returns a law whose bonds bear forces up to a strength \[N\].
+    fn bonds_of(strength: f64) -> Law {
         let parameters = ContactBondParameters {
             linear: SPRINGS,
-            tensile_strength: 1e3,
-            shear_strength: 1e3,
+            tensile_strength: strength,
+            shear_strength: strength,
             bonding_gap: 0.0,
             unstressed: false,
         };
@@ -427,6 +488,7 @@ mod tests {
             steps: 0,
             rounding: 1e-11,
             velocities: Velocities::new(),
+            breaks: Vec::new(),
         }
     }
 
@@ -440,13 +502,12 @@ mod tests {
         Ok(())
     }
 
-    /// Checks that two bonded grains without gravity whose forces vanish are at rest long before the limit of steps.
-    #[test]
-    fn a_free_pair_comes_to_rest() {
+    /// Relaxes two bonded grains that overlap by 10 nm, without gravity; returns the line and the report.
+    fn relaxed_pair(law: Law) -> (String, Value) {
         let corner = Vector3::repeat(0.01);
         let region = GrainDomain::closed(Vector3::zeros(), corner, 1e-3);
         let mut dem =
-            Dem::<Volume>::new(bonds(), DemSettings::new(region, 1e-5, 1e-4), Vec::new()).unwrap();
+            Dem::<Volume>::new(law, DemSettings::new(region, 1e-5, 1e-4), Vec::new()).unwrap();
         let domain = alone();
         let mut particles = Particles::new();
         for (id, x) in [(1, 0.004), (2, 0.005_999_99)] {
@@ -460,11 +521,30 @@ mod tests {
             dem.bond_existing_contacts(&mut particles, &domain).unwrap(),
             1
         );
-        let (line, report) = relaxation()
+        relaxation()
             .run(&mut dem, &mut particles, &domain, &mut NoRequests, keep)
-            .unwrap();
+            .unwrap()
+    }
+
+    /// Checks that two bonded grains without gravity whose forces vanish are at rest long before the limit of steps.
+    #[test]
+    fn a_free_pair_comes_to_rest() {
+        let (line, report) = relaxed_pair(bonds());
         assert_eq!(report["at_rest"], true, "{line}");
         assert!(report["solid_steps"].as_u64().unwrap() < 20_000, "{line}");
+        assert_eq!(report["breaks"], json!([]), "{line}");
+    }
+
+    /// Checks that a bond which breaks in the relaxation, as the overlap pushes the grains apart, is listed.
+    #[test]
+    fn bonds_that_break_are_listed() {
+        let (line, report) = relaxed_pair(bonds_of(1e-7));
+        assert_eq!(report["bonds_broken"], 1, "{line}");
+        let breaks: Vec<EarlyBreak> = serde_json::from_value(report["breaks"].clone()).unwrap();
+        assert_eq!(breaks.len(), 1, "{line}");
+        assert_eq!((breaks[0].ids, breaks[0].shear), ([1, 2], false));
+        let [x, y] = breaks[0].position.map(f64::from_bits);
+        assert!((x - 0.005).abs() < 1e-6 && (y - 0.005).abs() < 1e-9, "{x} {y}");
     }
 
     /// Checks that a piston that moves in the run is stationary during the relaxation, and moves afterwards.

@@ -21,7 +21,8 @@
 //!   next to the hole at the first row.
 //! - **Bonds.** A bond breaks at the wall of the hole if its contact point lies between the faces of the last row or
 //!   within [`NEAR_WALL`] mean diameters of one, and not further than that beyond the ends of the hole; otherwise
-//!   inside. Before the first row the faces are those of the box in the case.
+//!   inside. Before the first row the faces are those of the box in the case. Bonds that broke in the relaxation before
+//!   the run have rows at step 0, but do not count as broken by the erosion.
 //!
 //! - **Mechanism.** Erosion grain by grain at the faces, or failure of the bulk: [`mechanism`].
 //!
@@ -39,6 +40,7 @@ use super::agreement::agree;
 use super::removal::{DepartedGrain, boxed, rows};
 use super::table::{Table, append};
 use super::view::StateView;
+use ::preparation::rest::EarlyBreak;
 use analysis::erosion_law::{
     BondBreak as BreakRow, BreakMode, BreakPlace, ErosionRecord, ErosionSummary, HoleFaces,
     RecordRow, RemovedGrain, hole_faces, shear_by_balance, shear_by_traction,
@@ -107,6 +109,8 @@ struct PendingBreak {
     y: f64,
     shear: bool,
     at_wall: bool,
+    /// `true` if the bond broke before the run began: it does not count as eroded.
+    early: bool,
 }
 
 /// Writes the tables of an erosion run: see the module. Methods with a view or a domain are collective.
@@ -275,6 +279,32 @@ impl ErosionRecorder {
                 y: broken.position.get(1),
                 shear: broken.mode == Failure::Shear,
                 at_wall,
+                early: false,
+            });
+        }
+    }
+
+    /// Records the bonds that broke before the run began, with the step and time 0. They do not count as eroded.
+    pub fn note_early_breaks<S: Space>(&mut self, view: &StateView<'_, S>, breaks: &[EarlyBreak]) {
+        if view.domain.rank() > 0 {
+            return;
+        }
+        for broken in breaks {
+            let [x, y] = broken.position.map(f64::from_bits);
+            let mut position = S::Vector::default();
+            position.set(0, x);
+            position.set(1, y);
+            self.pending.push(PendingBreak {
+                step: 0,
+                time: 0.0,
+                solid_step: broken.solid_step,
+                id_a: broken.ids[0],
+                id_b: broken.ids[1],
+                x,
+                y,
+                shear: broken.shear,
+                at_wall: self.at_wall(&position, view.plan),
+                early: true,
             });
         }
     }
@@ -335,7 +365,7 @@ impl ErosionRecorder {
                 p.id_b,
                 p.x.to_bits(),
                 p.y.to_bits(),
-                u64::from(p.shear) + 2 * u64::from(p.at_wall),
+                u64::from(p.shear) + 2 * u64::from(p.at_wall) + 4 * u64::from(p.early),
             ];
             bytes.extend(fields.iter().flat_map(|field| field.to_le_bytes()));
         }
@@ -349,9 +379,10 @@ impl ErosionRecorder {
         let mut lines = String::new();
         for [step, time, _, id_a, id_b, x, y, kind] in all {
             let at_wall = kind & 2 != 0;
-            if at_wall {
+            let early = kind & 4 != 0;
+            if at_wall && !early {
                 self.state.bonds_at_wall += 1;
-            } else {
+            } else if !early {
                 self.state.bonds_inside += 1;
             }
             let row = BreakRow {

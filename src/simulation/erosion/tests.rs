@@ -463,3 +463,34 @@ fn the_bulk_is_what_started_deep_behind_the_present_faces() {
     let found = summary["bulk_displacement"].as_f64().unwrap();
     assert_eq!(found.to_bits(), row.bulk_displacement.to_bits());
 }
+
+/// Checks that a bond which broke in the relaxation before the run has a row at step and time 0, before those of the
+/// run, and does not count as broken by the erosion.
+#[test]
+fn bonds_that_broke_before_the_run_have_rows_at_time_0() {
+    let plan = plan();
+    let (domain, fluid, particles) = (domain(), Channel::new(&plan), packing(0.7e-4));
+    let folder = tempfile::tempdir().unwrap();
+    let mut recorder = ErosionRecorder::create(&plan, folder.path(), &domain, None).unwrap();
+    let early = [EarlyBreak {
+        solid_step: 40,
+        ids: [3, u64::MAX - 2],
+        position: [2e-3_f64, 0.05e-3].map(f64::to_bits),
+        shear: true,
+    }];
+    let at = |step| view(&plan, &domain, &fluid, &particles, step);
+    recorder.note_early_breaks(&at(0), &early);
+    recorder
+        .record_due(&at(1), &[], vec![broken(12, 4, 2e-3, 0.05e-3)], 0.0)
+        .unwrap();
+    recorder.flush(&domain).unwrap();
+    let path = folder.path().join("bonds.csv");
+    let rows: Vec<BreakRow> = read_rows(&path, |row: &BreakRow| row.id_a).unwrap();
+    let found: Vec<_> = rows
+        .iter()
+        .map(|row| (row.step, row.time.to_bits(), row.id_a, row.id_b, row.mode))
+        .collect();
+    assert_eq!(found[0], (0, 0, 3, u64::MAX - 2, BreakMode::Shear));
+    assert_eq!((found.len(), found[1].0, found[1].2), (2, 1, 4));
+    assert_eq!(recorder.broken().iter().sum::<u64>(), 1);
+}

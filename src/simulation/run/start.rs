@@ -21,6 +21,7 @@ use super::outside::Outside;
 use super::restore::{self, Origin, Parts};
 use super::runner::Runner;
 use super::warm_up::{Reached, warm_up};
+use ::preparation::rest::EarlyBreak;
 use base::error::Error;
 use base::number::real;
 use base::units::LatticeUnits;
@@ -28,6 +29,7 @@ use case::fluid::Device;
 use coupling::Flow;
 use coupling::water::Water;
 use decomposition::{Communicator, Domain, Slabs};
+use dem::Dem;
 use dem::particles::Particles;
 use dem::space::Space;
 use io::marks::Marker;
@@ -144,7 +146,19 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
             outputs,
             ..
         } = &mut self.simulation;
-        recorder.record_due(&now.view(), &[], Vec::new(), 0.0)?;
+        // The list of the bonds that broke before the run is in `bonds.csv` from now on.
+        let settling = self
+            .notes
+            .get_mut("settling")
+            .and_then(Value::as_object_mut);
+        if let Some(early) = settling.and_then(|settling| settling.remove("breaks")) {
+            let early: Vec<EarlyBreak> = serde_json::from_value(early)
+                .map_err(|error| Error::Internal(error.to_string()))?;
+            recorder.note_early_breaks(&now.view(), &early);
+        }
+        // Loads at the start may break bonds as well.
+        let breaks = now.dem.as_mut().map(Dem::take_breaks).unwrap_or_default();
+        recorder.record_due(&now.view(), &[], breaks, 0.0)?;
         collapse.record_due(&now.view(), &[])?;
         outputs.write_due(&now.view())
     }
