@@ -784,12 +784,32 @@ fn prepare(case: &CaseArgs) -> Result<Plan, Error> {
             let problem = Problem::error("the text", "not UTF-8", reason, remedy);
             return list_problems(vec![problem], case);
         }
-        Err(other) => return Err(Error::Io(format!("the case: {other}"))),
+        Err(other) => return unreadable(&other, case),
     };
     let directory = path.parent().unwrap_or(Path::new(""));
     Document::read(&text, &case.set, directory)
         .and_then(Plan::prepare)
         .or_else(|problems| list_problems(problems, case))
+}
+
+/// Reports a case whose file cannot be read, as a finding if data are asked for.
+///
+/// # Errors
+/// If nothing else fails, [`Error::Io`]; otherwise the error of the output.
+fn unreadable<T>(error: &io::Error, case: &CaseArgs) -> Result<T, Error> {
+    let error = Error::Io(format!("the case: {error}"));
+    if case.json {
+        let remedy = "name a file that exists and can be read";
+        let file = case.case.display().to_string();
+        let finding = Problem::error("the case", file, error.to_string(), remedy);
+        let allowed = Stability {
+            allow_unstable: false,
+        };
+        let mut tree = report(&[finding], allowed);
+        tree["exit_code"] = error.exit_code().into();
+        print(&pretty(&tree))?;
+    }
+    Err(error)
 }
 
 /// Lists problems with the verdict.

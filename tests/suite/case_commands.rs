@@ -146,6 +146,33 @@ fn exit_codes_tell_usage_case_and_file_apart() {
     solver().arg("validate").arg(&binary).assert().code(3);
 }
 
+/// Checks that `--json` gives JSON with the fields of other findings if the case is a folder or does not exist.
+#[test]
+fn a_file_that_cannot_be_read_is_a_finding_in_json() {
+    let folder = tempfile::tempdir().unwrap();
+    for file in [folder.path().to_owned(), folder.path().join("none.json")] {
+        for command in ["validate", "plan"] {
+            let done = solver()
+                .arg(command)
+                .arg(&file)
+                .arg("--json")
+                .assert()
+                .code(5);
+            let tree: Value = serde_json::from_slice(&done.get_output().stdout).unwrap();
+            assert_eq!(tree["verdict"], "refused", "{tree}");
+            assert_eq!(
+                (&tree["valid"], &tree["exit_code"]),
+                (&false.into(), &5.into()),
+                "{tree}"
+            );
+            let finding = &tree["findings"][0];
+            for field in ["path", "value", "reason", "remedy", "severity"] {
+                assert!(finding[field].is_string(), "{field}: {tree}");
+            }
+        }
+    }
+}
+
 /// Checks that a case that is not UTF-8 has a finding, as JSON on request: UTF-16 with its mark, and Latin-1.
 #[test]
 fn a_case_in_another_encoding_has_a_finding() {
