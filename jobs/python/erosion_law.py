@@ -200,7 +200,8 @@ def draw(points, law, given, title):
     axes.set_title(title, fontsize="medium")
     axes.ticklabel_format(axis="x", style="sci", scilimits=(-2, 3), useMathText=True)
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(fontsize="small", frameon=False, loc="upper left")
+        # Below the axes, where it covers neither data nor the colour bar.
+        figure.legend(*axes.get_legend_handles_labels(), fontsize="small", frameon=False, loc="outside lower center", ncols=2)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     return figure
