@@ -41,6 +41,7 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
         compression(scene, flow, &mut margins, findings);
         needed_pressure(scene, flow, &mut margins, findings);
         super::bodies::check(scene, &mut margins, findings);
+        super::slots::check(scene, flow, findings);
         super::terms::check(scene, flow, &mut margins, findings);
     }
     if let Some(seepage) = &scene.seepage

@@ -33,6 +33,7 @@ mod sampling;
 pub mod scene;
 mod seepage;
 mod servo;
+mod slots;
 mod stability;
 mod terms;
 mod wall_travel;
