@@ -1,7 +1,8 @@
 //! Memory, disk space and time of a run, before the run.
 //!
 //! Memory and disk space follow from what the program allocates and writes ([`memory`], [`disk`]). The time is the sum
-//! over the phases of a step ([`time`]): processor time, with rates of one core of a reference machine; `solver plan` measures on the
+//! over the phases of a step ([`time`]): processor time, with rates of one core of a reference machine; `solver plan`
+//! measures on the
 //! machine at hand how fast it computes the fluid and grains in contact and writes a file ([`Machine`]). `jobs/plans`
 //! compares all three with runs.
 
@@ -456,8 +457,8 @@ mod tests {
     }
 
     /// Checks the contacts with walls against those of the layers of the array: three of 4 x 4 spheres and two of 3 x 3
-    /// between them, of which the upper and the lower layer of 16 touch the plates above and below, and rows of four the
-    /// four plates beside them. Three of the six plates are servo walls. The run took 2.3 s on a core half as fast
+    /// between them, of which the upper and the lower layer of 16 touch the plates above and below, and rows of
+    /// four the plates at the sides. Three of the six plates are servo walls. The run took 2.3 s on a core half as fast
     /// as the reference.
     #[test]
     fn contacts_with_walls_and_servos_are_counted() {
@@ -483,7 +484,7 @@ mod tests {
     }
 
     /// Compares the planned processor time with that of runs on a core half as fast as the reference, whose measured
-    /// speeds stand beside it: short runs, in which the start matters, free surfaces that spread, bodies in them, and
+    /// speeds are listed: short runs, in which the start matters, free surfaces that spread, bodies in them, and
     /// walls and servo walls. The machine computed other work at the same time.
     #[test]
     fn processor_time_is_that_of_runs() {

@@ -1,7 +1,7 @@
 //! Times of the samples of probes, if their intervals are not whole numbers of steps.
 //!
-//! Sample k lies at the step nearest to k times the interval ([`super::interval`]): the distances of samples differ by a
-//! step, and a spectrum or a derivative computed from them as if they were even is wrong by that.
+//! Sample k lies at the step nearest to k times the interval ([`super::interval`]): the distances of samples differ by
+//! a step, and a spectrum or a derivative computed from them as if they were even is wrong by that.
 
 use super::Clock;
 use crate::scene::Scene;
@@ -47,8 +47,8 @@ pub(super) fn check(scene: &Scene, clock: &Clock, findings: &mut Findings) {
         findings.warn(
             &format!("probes[{n}].every"),
             format!(
-                "the samples of the probe `{}` every {} s lie at the nearest steps of {} s, between {} and {} s apart: no \
-                 automatic time step divides the intervals of all samples",
+                "the samples of the probe `{}` every {} s lie at the nearest steps of {} s, between {} and {} s apart: \
+                 no automatic time step divides the intervals of all samples",
                 probe.name,
                 number(probe.every),
                 number(clock.time_step),
@@ -69,12 +69,16 @@ mod tests {
     use serde_json::json;
     use std::path::Path;
 
-    /// Checks three probes whose intervals have a common divisor, around that divisor of the step wanted: either the step
-    /// divides all of them, or a warning names every probe that it does not divide, with the distances of its samples.
+    /// Checks three probes whose intervals have a common divisor, around that divisor of the step wanted: either the
+    /// step divides all of them, or a warning names every probe that it does not divide, with the distances of
+    /// its samples.
     #[test]
     fn samples_of_three_probes_are_even_or_named() {
         let plan = |every: [f64; 3]| {
-            let probe = |n: usize| json!({"name": format!("p{n}"), "every": every[n], "at": {"point": {"position": [0.01, 0.005]}}});
+            let probe = |n: usize| {
+                json!({"name": format!("p{n}"), "every": every[n],
+                    "at": {"point": {"position": [0.01, 0.005]}}})
+            };
             let case = json!({
                 "domain": {"size": [0.02, 0.01], "periodic": ["x"]},
                 "fluid": {"lattice_boltzmann": {

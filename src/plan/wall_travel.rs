@@ -1,4 +1,4 @@
-//! Room that moving walls leave for the bodies in front of them.
+//! Gaps that moving walls leave for the bodies in front of them.
 //!
 //! A wall whose velocity is given moves whatever the forces on it are. A body between it and a wall that does not give
 //! way needs its thickness d. In a gap g < d its two contacts overlap by (d - g)/2 each, d - g over d in radii, however
@@ -68,7 +68,7 @@ fn standing(scene: &Scene) -> Vec<Standing> {
             moves,
         }
     };
-    // The room of a driven body follows from its own path.
+    // The gap in front of a driven body follows from its own path.
     let bodies = scene.bodies.iter();
     for body in bodies.filter(|body| body.mobility != Mobility::Driven) {
         let name = format!("body `{}`", body.name);
@@ -122,7 +122,7 @@ struct Travel {
 
 impl Travel {
     /// Returns the motion of a wall; without one for servo walls, whose motion follows from their stress.
-    fn of(wall: &SceneWall) -> Self {
+    fn for_wall(wall: &SceneWall) -> Self {
         let velocity = Vector3::from(wall.velocity);
         let drift = match &wall.surface {
             None => Vector3::from(wall.normal) * velocity.dot(&Vector3::from(wall.normal)),
@@ -156,7 +156,7 @@ impl Travel {
     }
 }
 
-/// Moving wall with all that its room depends on.
+/// Moving wall with all that its gaps depend on.
 struct Mover<'a> {
     scene: &'a Scene,
     wall: &'a SceneWall,
@@ -184,7 +184,7 @@ impl Mover<'_> {
         }
     }
 
-    /// Returns `true` if a point lies in front of the wall, and not beside it.
+    /// Returns `true` if a point lies in front of the wall, and not at its side.
     fn faces(&self, at: &Vector3<f64>) -> bool {
         let beside = self.ends.is_some_and(|[low, high]| {
             let main = self.ahead.iamax();
@@ -195,7 +195,7 @@ impl Mover<'_> {
         !beside && at.dot(&self.ahead) > self.front()
     }
 
-    /// Returns the room \[m\] in front of the wall at each time, up to another wall whose displacements are given; none
+    /// Returns the gap \[m\] in front of the wall at each time, up to another wall whose displacements are given; none
     /// if the other wall does not face this one. Infinite while one of the two is not there.
     fn room(&self, other: &SceneWall, moved: &[Vector3<f64>]) -> Option<Vec<f64>> {
         let normal = Vector3::from(other.normal);
@@ -248,8 +248,8 @@ fn ends(wall: &SceneWall) -> Option<[[f64; 3]; 2]> {
     }))
 }
 
-/// Returns the times at which the positions of walls are compared \[s\]: all rows of their tables, and [`PARTS`] between
-/// two of them.
+/// Returns the times at which the positions of walls are compared \[s\]: all rows of their tables, and
+/// [`PARTS`] between two of them.
 fn times(scene: &Scene) -> Vec<f64> {
     let end = scene.time.end;
     let tables = scene.walls.iter().flat_map(|wall| {
@@ -286,9 +286,9 @@ fn may_leave(scene: &Scene, mover: &Mover<'_>) -> bool {
         .any(|a| !closed(a, 1.0) || !closed(a, -1.0))
 }
 
-/// Compares the room in front of moving walls with the bodies there.
+/// Compares the gaps in front of moving walls with the bodies there.
 pub(super) fn check(scene: &Scene, findings: &mut Findings) {
-    let travels: Vec<Travel> = scene.walls.iter().map(Travel::of).collect();
+    let travels: Vec<Travel> = scene.walls.iter().map(Travel::for_wall).collect();
     if scene.contact.is_none() || !travels.iter().any(Travel::moves) {
         return;
     }
@@ -347,8 +347,8 @@ fn fixed_bodies(
     findings.warn(
         path,
         format!(
-            "the wall `{}` reaches the fixed {} after {} m and moves into it until {} s: walls do not touch fixed bodies, \
-             and grains between the two have no room",
+            "the wall `{}` reaches the fixed {} after {} m and moves into it until {} s: walls do not touch fixed \
+             bodies, and grains between the two have no room",
             mover.wall.name,
             body.name,
             number(room.max(0.0)),
@@ -368,19 +368,19 @@ fn stop(way: f64) -> String {
     )
 }
 
-/// Body without room between two walls.
+/// Body that does not fit between two walls.
 struct Squeeze<'a> {
     /// Overlap of its contacts in radii.
     part: f64,
     other: &'a SceneWall,
     body: &'a Standing,
-    /// Room at the start, and the least \[m\].
+    /// Gap at the start, and the smallest \[m\].
     room: [f64; 2],
-    /// Time from which the room is too small \[s\].
+    /// Time from which the gap is too small \[s\].
     time: f64,
 }
 
-/// Reports a wall that leaves less room in front of another one than the bodies between them need.
+/// Reports a wall that leaves a smaller gap in front of another one than the bodies between them need.
 fn opposite_walls(
     mover: &Mover<'_>,
     own: usize,
@@ -431,8 +431,8 @@ fn opposite_walls(
         return;
     };
     let reason = format!(
-        "the wall `{}` moves to {} of wall `{}`, but {} between them needs {} m: from {} s on there is not room enough, and \
-         no stiffness keeps the contacts from overlapping",
+        "the wall `{}` moves to {} of wall `{}`, but {} between them needs {} m: from {} s on there is not room \
+         enough, and no stiffness keeps the contacts from overlapping",
         mover.wall.name,
         if least > 0.0 {
             format!("within {} m", number(least))
@@ -482,7 +482,7 @@ mod tests {
         plan.warnings.into_iter().filter(about).collect()
     }
 
-    /// Checks a lid 50 mm above the floor that moves down at 0.1 m/s: it has room for a sphere of 20 mm for 0.3 s.
+    /// Checks a lid 50 mm above the floor that moves down at 0.1 m/s: a sphere of 20 mm fits for 0.3 s.
     #[test]
     fn a_lid_that_leaves_no_room_is_found() {
         let plane = json!({"plane": {"point": [0, 0, 0.05], "normal": [0, 0, -1]}});
@@ -517,10 +517,13 @@ mod tests {
         assert!(found(&lid(json!({"velocity": [0.1, 0, 0]})), "free", 0.5).is_empty());
     }
 
-    /// Checks a stamp of facets, beside which bodies have room, and a wall that passes through a fixed body.
+    /// Checks a stamp of facets, past which bodies may move, and a wall that passes through a fixed body.
     #[test]
     fn a_stamp_is_warned_of_above_a_body_and_a_fixed_body_is_passed_through() {
-        let stamp = |x: f64| json!({"shape": {"box": {"from": [x, 0.03, 0.05], "to": [x + 0.04, 0.07, 0.06]}}, "velocity": [0, 0, -0.1]});
+        let stamp = |x: f64| {
+            json!({"shape": {"box": {"from": [x, 0.03, 0.05], "to": [x + 0.04, 0.07, 0.06]}},
+                "velocity": [0, 0, -0.1]})
+        };
         let above = found(&stamp(0.03), "free", 0.48);
         assert_eq!(above.len(), 1, "{above:#?}");
         assert_eq!(above[0].severity, Severity::Warning);

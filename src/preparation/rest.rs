@@ -5,9 +5,9 @@
 //! agglomerate in the air, a named body above a bed and a grain that touches nothing have no equilibrium but the floor,
 //! so they are held at their positions ([`Kind::Held`]), unless no gravity acts. Where bonds break, the grains that
 //! lose their support are held from the next check on. The report gives the number of bonds that break in this
-//! relaxation, before the flow starts, `bonds.csv` lists them with the time 0, and the report gives the largest displacement: a supported piece that slides to a new position
-//! does so before time 0. Driven bodies and walls are stationary during the relaxation. Afterwards each grain, body
-//! and wall receives its velocity in the case.
+//! relaxation, before the flow starts, `bonds.csv` lists them with the time 0, and the report gives the largest
+//! displacement: a supported piece that slides to a new position does so before time 0. Driven bodies and walls are
+//! stationary during the relaxation. Afterwards each grain, body and wall receives its velocity in the case.
 
 use super::supervision::{Request, Requests};
 use base::error::Error;
@@ -544,7 +544,10 @@ mod tests {
         assert_eq!(breaks.len(), 1, "{line}");
         assert_eq!((breaks[0].ids, breaks[0].shear), ([1, 2], false));
         let [x, y] = breaks[0].position.map(f64::from_bits);
-        assert!((x - 0.005).abs() < 1e-6 && (y - 0.005).abs() < 1e-9, "{x} {y}");
+        assert!(
+            (x - 0.005).abs() < 1e-6 && (y - 0.005).abs() < 1e-9,
+            "{x} {y}"
+        );
     }
 
     /// Checks that a piston that moves in the run is stationary during the relaxation, and moves afterwards.

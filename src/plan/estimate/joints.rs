@@ -61,8 +61,8 @@ pub(super) fn joint_share(scene: &Scene) -> f64 {
 /// Maximum number of blocks whose faces are looked at; in larger scenes each represents its neighbours in the list.
 const MOST: usize = 300;
 
-/// Returns the fraction of the block surface in open water: of faces that have no other block, by bounding boxes, and no
-/// end of the domain within a cell.
+/// Returns the fraction of the block surface in open water: of faces that have no other block, by bounding boxes, and
+/// no end of the domain within a cell.
 pub(super) fn open_share(scene: &Scene) -> f64 {
     let grid = &scene.grid;
     let solids: Vec<_> = scene.polyhedra().map(|one| one.solid).collect();

@@ -1,7 +1,7 @@
 //! Processor time of a run on one core, and the time in which it waits.
 //!
-//! Processor time does not depend on what else the machine computes. The run waits while MPI starts its own processes and
-//! while files are on their way to the disk: this time comes in addition to that of its core.
+//! Processor time does not depend on what else the machine computes. The run waits while MPI starts its own processes
+//! and while files are on their way to the disk: this time comes in addition to that of its core.
 //!
 //! The rates were measured on one core of the reference machine, an AMD EPYC with AVX-512, with the cases of
 //! `jobs/plans`. The pass over the lattice scales with the measured speed of the fluid, everything else with that of
