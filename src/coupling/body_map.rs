@@ -23,6 +23,7 @@ use dem::particles::{Motion, Particles};
 use dem::space::{Components, Space};
 use joint_cells::JointCells;
 pub use joint_cells::{CellChange, JointLink};
+use lbm::boundary::SolidPart;
 use lbm::fluid::Fluid;
 use lbm::lanes::Stored;
 use lbm::links::mirrored::MirroredLink;
@@ -30,6 +31,7 @@ use lbm::links::{BODIES_PER_THREAD as PER_THREAD, BodyLink, CellPlane, Load, Rig
 use lbm::populations::Populations;
 use links::Direction;
 use lookup::{Found, Nearest};
+use nalgebra::Vector3;
 use owners::Settled;
 use rows::Rows;
 use slab::Slab;
@@ -313,6 +315,35 @@ impl BodyMap {
         match self.owner[self.slab.layout_index(cell)] {
             FLUID | OUTSIDE | JOINT => None,
             tag => Some(u64::from(tag) - 1),
+        }
+    }
+
+    /// Returns the body or joint in a cell of the slab (local coordinates), with the velocity of the body there.
+    #[must_use]
+    pub fn solid_in(&self, cell: [usize; 3]) -> SolidPart {
+        let cell = cell.map(|v| i32::try_from(v).unwrap_or(i32::MAX));
+        let owner = self.owner[self.slab.layout_index(cell)];
+        if owner == FLUID || owner == OUTSIDE {
+            return SolidPart::at_rest(0.0);
+        }
+        let moves = (owner != JOINT)
+            .then(|| self.nearest(owner, cell))
+            .flatten();
+        let Some((entry, frame)) = moves else {
+            return SolidPart::at_rest(1.0);
+        };
+        let motion = &self.motion[entry];
+        let r: [f64; 3] = std::array::from_fn(|a| {
+            if a < self.slab.dimension {
+                f64::from(cell[a] - frame[a]) + 0.5 - motion.position[a]
+            } else {
+                0.0
+            }
+        });
+        let turns = Vector3::from(motion.spin).cross(&Vector3::from(r));
+        SolidPart {
+            fraction: 1.0,
+            velocity: (Vector3::from(motion.velocity) + turns).into(),
         }
     }
 

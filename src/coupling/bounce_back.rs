@@ -214,7 +214,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
         // Reflection at links runs on this processor.
         self.fluid.fetch()?;
         let map = &self.map;
-        self.fluid.close_openings(|cell| map.is_closed(cell));
+        self.fluid.close_openings(|cell| map.solid_in(cell));
         self.loads.resize(particles.len(), [0; 6]);
         let (links, motion) = (self.map.links(), self.map.motion());
         let faces = |k| self.map.faces(k);

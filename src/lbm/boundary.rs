@@ -44,6 +44,7 @@ pub mod turbulent;
 pub mod wall;
 
 pub use super::quanta::{QUANTA, from_quanta, quanta};
+pub use covered::SolidPart;
 pub use flux::Flux;
 pub use kind::{BoundaryKind, Inflow, Strength, SurfaceKind, WithSurface};
 pub use links::{Crossing, FaceLink, Mirror, MirrorRun};
@@ -410,7 +411,8 @@ impl<S: Stored> Boundaries<S> {
                 }
                 let link = populations.link(cell, i);
                 if coverable && patches[patch].lets_through(middle) {
-                    open.add((cell, local), link);
+                    let taken = c.map(|c| 6.0 * velocities.w[i] * f64::from(c));
+                    open.add((cell, local), covered::OpenLink { link, taken });
                 }
                 let crossing = Crossing {
                     populations,
@@ -669,14 +671,14 @@ impl<S: Stored> Boundaries<S> {
         }
     }
 
-    /// Closes open faces at cells covered by solids, after [`Self::apply`]: `fraction` is the solid fraction of a
-    /// cell, by its position within an array and its indices in the slab.
+    /// Closes open faces at cells covered by solids, after [`Self::apply`]: `solid` is the solid in a cell, by its
+    /// position within an array and its indices in the slab.
     pub fn close_covered(
         &self,
-        fraction: impl Fn(usize, [usize; 3]) -> f64 + Sync,
+        solid: impl Fn(usize, [usize; 3]) -> SolidPart + Sync,
         populations: &mut Populations<S>,
     ) {
-        self.open.close(fraction, populations);
+        self.open.close(solid, populations);
     }
 
     /// Returns the last step at which the ramp of a face still changes a value.

@@ -14,7 +14,7 @@ pub use force::Force;
 pub use on_gpu::kernel_exists as kernel_exists_on_gpu;
 
 use super::block::RowBlock;
-use super::boundary::{Boundaries, Frame, Patch};
+use super::boundary::{Boundaries, Frame, Patch, SolidPart};
 use super::collision::Operator;
 use super::collision::trt::AntisymmetricRate;
 use super::error::FluidError;
@@ -494,14 +494,23 @@ impl<S: Stored> Fluid<S> {
             unfollowed(planes, if early { threads } else { 0 }),
         );
         if let Some(cover) = &self.cover {
-            let fraction = |cell: usize, _: [usize; 3]| cover.fraction(cell);
-            self.boundaries
-                .close_covered(fraction, &mut self.populations);
+            let flat = self.populations.velocities().dimension == 2;
+            let solid = |cell: usize, local: [usize; 3]| {
+                let at = local.map(|v| i32::try_from(v).unwrap_or(i32::MAX));
+                SolidPart {
+                    fraction: cover.fraction(cell),
+                    velocity: if flat {
+                        cover.velocity::<2>(cell, at)
+                    } else {
+                        cover.velocity::<3>(cell, at)
+                    },
+                }
+            };
+            self.boundaries.close_covered(solid, &mut self.populations);
         }
         if !self.closed.is_empty() {
-            let fraction = |cell: usize, _: [usize; 3]| self.closed.fraction(cell);
-            self.boundaries
-                .close_covered(fraction, &mut self.populations);
+            let solid = |cell: usize, _: [usize; 3]| SolidPart::at_rest(self.closed.fraction(cell));
+            self.boundaries.close_covered(solid, &mut self.populations);
         }
         if let Some(surface) = &mut self.surface {
             surface.clear_gas_populations(&mut self.populations);
@@ -517,10 +526,9 @@ impl<S: Stored> Fluid<S> {
     }
 
     /// Closes openings at cells of the slab covered by bodies, after a step, so that no water enters a body.
-    pub fn close_openings(&mut self, held: impl Fn([usize; 3]) -> bool + Sync) {
-        let fraction = |_: usize, local: [usize; 3]| f64::from(u8::from(held(local)));
+    pub fn close_openings(&mut self, solid: impl Fn([usize; 3]) -> SolidPart + Sync) {
         self.boundaries
-            .close_covered(fraction, &mut self.populations);
+            .close_covered(|_, local| solid(local), &mut self.populations);
     }
 
     /// Fills the ghosts of the velocities that depend on the cells of a range of planes.

@@ -1,10 +1,10 @@
 //! Driven bodies that leave the water through a face of the domain that is closed to it.
 //!
-//! A driven body moves whatever the forces on it are. The water between it and a closed face must flow out of a gap that
-//! closes: its pressure grows without bound as the gap goes to zero, as in a squeeze film (Stefan 1874, Reynolds 1886). A
-//! disc of 8 cells that was driven through a lid at a lattice velocity of 0.026 ended its run with twice the density of
-//! the water. A body that reaches through the face from the start leaves no such gap, and a free body is stopped by the
-//! water.
+//! A driven body moves whatever the forces on it are. The water between it and a closed face must flow out of a gap
+//! that closes: its pressure grows without bound as the gap goes to zero, as in a squeeze film (Stefan 1874, Reynolds
+//! 1886). A disc of 8 cells that was driven through a lid at a lattice velocity of 0.026 ended its run with twice the
+//! density of the water. A body that reaches through the face from the start leaves no such gap, and a free body is
+//! stopped by the water.
 
 use crate::scene::Scene;
 use crate::scene::bodies::{Mobility, NamedBody};
