@@ -61,6 +61,7 @@ fn setup<S: Stored>(row: &Row, cells: [usize; 3], periodic: [bool; 3], device: D
         saturation: None,
         single: false,
         device,
+        surface_axis: None,
         terms: Vec::new(),
     }
 }

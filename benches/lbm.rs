@@ -67,6 +67,7 @@ fn fluid<S: Stored>(
         saturation: None,
         single,
         device: solver::lbm::gpu::Device::Cpu,
+        surface_axis: None,
         terms: Vec::new(),
     };
     Fluid::new(setup, &Domain::serial(SplitAxis::X, cells[0], false))

@@ -104,6 +104,7 @@ impl Flow {
             saturation: None,
             single,
             device: solver::lbm::gpu::Device::Cpu,
+            surface_axis: None,
             terms: Vec::new(),
         }
     }

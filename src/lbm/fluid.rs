@@ -24,7 +24,7 @@ use super::initial::{self, Field};
 use super::kernel::Shared;
 use super::lanes::{Level, Stored};
 use super::lattice::VelocitySet;
-use super::populations::Populations;
+use super::populations::{Layout, Populations};
 use super::saturation::pass::View as CoverView;
 use super::saturation::{Cover, SaturationMethod};
 use super::surface::SlabSurface;
@@ -60,6 +60,8 @@ pub struct Setup<S: Stored = f64> {
     pub single: bool,
     /// Device that computes the fluid.
     pub device: Device,
+    /// Vertical axis of a fluid that will have a free surface ([`Fluid::open_surface`]).
+    pub surface_axis: Option<usize>,
     /// Additional terms of the step.
     pub terms: Vec<term::TermBuilder<S>>,
 }
@@ -237,7 +239,9 @@ impl<S: Stored> Fluid<S> {
             VelocitySet::D3Q19 => Shared::new::<19>,
             VelocitySet::D3Q27 => Shared::new::<27>,
         };
-        let populations = Populations::new(setup.set.velocities(), cells, split)?;
+        let velocities = setup.set.velocities();
+        let order = Layout::order(velocities.dimension, cells, split, setup.surface_axis);
+        let populations = Populations::with_order(velocities, cells, order)?;
         let patches = std::mem::take(&mut setup.patches);
         let frame = Frame {
             cells: setup.cells,
@@ -472,7 +476,7 @@ impl<S: Stored> Fluid<S> {
             self.wrap(last..last + 1);
         }
         self.halo.start(&self.populations);
-        let early = !round_middle && self.surface.is_none() && self.boundaries.walls_stand_alone();
+        let early = !round_middle && self.boundaries.walls_stand_alone();
         let interior = between(planes);
         self.run_followed(&shared, force, interior.clone(), early.then_some(time));
         self.hide_dry(false);

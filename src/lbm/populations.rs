@@ -18,10 +18,10 @@
 //!
 //! # Layout
 //!
-//! There is one array per population, with the split axis slowest, the longer of the other axes innermost, and one
-//! ghost cell on every side. Rows are padded to 64 bytes but not to 4 KiB, and the arrays are staggered, because array
-//! distances of 0 modulo 4096 bytes cost a third of the speed. Memory comes from `mmap` with huge pages advised before
-//! the first access.
+//! There is one array per population, with the split axis slowest, the longer of the other axes innermost (below a
+//! free surface a horizontal one), and one ghost cell on every side. Rows are padded to 64 bytes but not to 4 KiB, and
+//! the arrays are staggered, because array distances of 0 modulo 4096 bytes cost a third of the speed. Memory comes from
+//! `mmap` with huge pages advised before the first access.
 //!
 //! The address of an array is the sum of two parts, one of c_x and one of (c_y, c_z). After either pass the numbers
 //! that a cell reads and writes therefore lie at nine addresses and two distances from them, which fit into the
@@ -57,13 +57,27 @@ pub struct Link {
     pub far: u32,
 }
 
+/// Minimum number of cells of a row across the vertical axis of a fluid with a free surface.
+const LEAST_ACROSS: usize = 32;
+
 /// Returns the axis of unit stride: the longer one of those normal to the split axis (the first if equal), because
-/// the faces at the ends of rows cost most: one cache line per value.
-fn fastest(cells: [usize; 3], dimension: usize, split: usize) -> usize {
-    (0..dimension)
-        .filter(|&a| a != split)
-        .rev()
-        .max_by_key(|&a| cells[a])
+/// the faces at the ends of rows cost most: one cache line per value. Below a free surface it is horizontal, unless
+/// rows would be short: then interface cells are adjacent in memory.
+fn fastest(
+    cells: [usize; 3],
+    dimension: usize,
+    split: usize,
+    surface_axis: Option<usize>,
+) -> usize {
+    let longest = |vertical: Option<usize>| {
+        (0..dimension)
+            .filter(|&a| a != split && Some(a) != vertical)
+            .rev()
+            .max_by_key(|&a| cells[a])
+    };
+    longest(surface_axis)
+        .filter(|&a| cells[a] >= LEAST_ACROSS)
+        .or_else(|| longest(None))
         .unwrap_or(0)
 }
 
@@ -144,11 +158,23 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// Returns the layout of a slab of `cells` (x, y, z) with the slab axis `split`.
+    /// Returns the axes of a slab of `cells` (x, y, z) with the slab axis `split`, from slowest to fastest;
+    /// `surface_axis` is the vertical axis of a fluid with a free surface.
     #[must_use]
-    pub fn for_slab<S>(velocities: &Velocities, cells: [usize; 3], split: usize) -> Self {
-        let fast = fastest(cells, velocities.dimension, split);
-        let middle = 3 - split - fast;
+    pub fn order(
+        dimension: usize,
+        cells: [usize; 3],
+        split: usize,
+        surface_axis: Option<usize>,
+    ) -> [usize; 3] {
+        let fast = fastest(cells, dimension, split, surface_axis);
+        [split, 3 - split - fast, fast]
+    }
+
+    /// Returns the layout of a slab of `cells` (x, y, z) with these axes from slowest to fastest.
+    #[must_use]
+    pub fn for_slab<S>(velocities: &Velocities, cells: [usize; 3], order: [usize; 3]) -> Self {
+        let [split, middle, fast] = order;
         // The pitch has capacity for whole vectors beyond the last cell and is never a multiple of a page.
         let mut pitch = 8 + cells[fast].next_multiple_of(8) + 8;
         if pitch.is_multiple_of(512) {
@@ -161,7 +187,7 @@ impl Layout {
         let stagger = 1600 / size_of::<S>();
         let used = pitch.saturating_mul(rows).saturating_mul(planes);
         Self {
-            order: [split, middle, fast],
+            order,
             pitch,
             rows,
             planes,
@@ -186,7 +212,20 @@ impl<S: Stored> Populations<S> {
         cells: [usize; 3],
         split: usize,
     ) -> Result<Self, FluidError> {
-        let layout = Layout::for_slab::<S>(&velocities, cells, split);
+        let order = Layout::order(velocities.dimension, cells, split, None);
+        Self::with_order(velocities, cells, order)
+    }
+
+    /// Allocates a slab like [`Self::new`] with these axes from slowest to fastest.
+    ///
+    /// # Errors
+    /// The errors are those of [`Self::new`].
+    pub fn with_order(
+        velocities: Velocities,
+        cells: [usize; 3],
+        order: [usize; 3],
+    ) -> Result<Self, FluidError> {
+        let layout = Layout::for_slab::<S>(&velocities, cells, order);
         let Layout {
             order,
             pitch,
@@ -709,6 +748,17 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn rows_lie_across_the_vertical_axis_below_a_surface() {
+        let order = |cells, split, vertical| Layout::order(3, cells, split, vertical);
+        assert_eq!(order([96, 96, 480], 0, None), [0, 1, 2]);
+        assert_eq!(order([96, 96, 480], 0, Some(2)), [0, 2, 1]);
+        assert_eq!(order([96, 40, 480], 2, Some(2)), [2, 1, 0]);
+        // Rows would be short.
+        assert_eq!(order([96, 20, 480], 0, Some(2)), [0, 1, 2]);
+        assert_eq!(Layout::order(2, [768, 384, 1], 0, Some(1)), [0, 2, 1]);
     }
 
     #[test]

@@ -247,6 +247,7 @@ fn part<S: Stored>(plan: &Plan, flow: &Flow, parts: usize) -> Option<(Fluid<S>, 
         saturation: None,
         single: flow.arithmetic == Precision::F32,
         device: lbm::gpu::Device::Cpu,
+        surface_axis: None,
         terms: Vec::new(),
     };
     let axis = [SplitAxis::X, SplitAxis::Y, SplitAxis::Z][plan.scene.grid.split_axis.min(2)];

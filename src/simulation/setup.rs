@@ -65,6 +65,7 @@ pub fn fluid<S: Stored>(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Resul
         saturation: coupled::saturation(plan),
         single: flow.arithmetic == Precision::F32,
         device: plan::device::device(&plan.scene),
+        surface_axis: plan.scene.surface.as_ref().map(|surface| surface.axis),
         terms: (plan.scene.terms.iter())
             .map(|term| term.build(&plan.scene.grid, flow))
             .collect(),

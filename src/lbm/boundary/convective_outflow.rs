@@ -409,6 +409,7 @@ mod tests {
             saturation: None,
             single: false,
             device: crate::gpu::Device::Cpu,
+            surface_axis: None,
             terms: Vec::new(),
         };
         Fluid::new(setup, &Domain::serial(SplitAxis::X, length, false)).unwrap()

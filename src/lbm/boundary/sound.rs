@@ -329,6 +329,7 @@ mod tests {
             saturation: None,
             single: false,
             device: crate::gpu::Device::Cpu,
+            surface_axis: None,
             terms: Vec::new(),
         };
         Fluid::new(setup, &Domain::serial(SplitAxis::X, LENGTH, false)).unwrap()

@@ -129,6 +129,7 @@ fn leak<S: Stored>(returned: f64, tolerance: f64) -> f64 {
         saturation: None,
         single: false,
         device: crate::gpu::Device::Cpu,
+        surface_axis: None,
         terms: Vec::new(),
     };
     let mut fluid = Fluid::new(setup, &Domain::serial(SplitAxis::X, CELLS[0], false)).unwrap();
@@ -213,6 +214,7 @@ fn a_patch_is_the_same_at_both_of_its_ends() {
             saturation: None,
             single: false,
             device: crate::gpu::Device::Cpu,
+            surface_axis: None,
             terms: Vec::new(),
         };
         let mut fluid = Fluid::new(setup, &Domain::serial(SplitAxis::X, WIDE[0], false)).unwrap();

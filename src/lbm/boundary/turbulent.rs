@@ -255,6 +255,7 @@ mod tests {
             saturation: None,
             single: false,
             device: crate::gpu::Device::Cpu,
+            surface_axis: None,
             terms: Vec::new(),
         };
         let domain = Domain::serial(SplitAxis::X, cells[0], false);

@@ -25,6 +25,7 @@ fn setup(set: VelocitySet, operator: Operator, tau: f64, cells: [usize; 3]) -> S
         saturation: None,
         single: false,
         device: Device::Cpu,
+        surface_axis: None,
         terms: Vec::new(),
     }
 }

@@ -50,6 +50,7 @@ fn setup(
         saturation: Some(method),
         single: false,
         device: crate::gpu::Device::Cpu,
+        surface_axis: None,
         terms: Vec::new(),
     }
 }

@@ -3,6 +3,7 @@ mod drops;
 mod films;
 mod momentum;
 mod openings;
+mod order;
 mod waves;
 
 use super::kind::{GAS, LIQUID};
@@ -39,6 +40,8 @@ pub(super) struct Tank {
     pub(super) streams: Vec<Stream>,
     pub(super) solids: Vec<[usize; 3]>,
     saturation: Option<SaturationMethod>,
+    /// Vertical axis for the order of the axes in memory.
+    pub(super) surface_axis: Option<usize>,
 }
 
 impl Tank {
@@ -61,6 +64,7 @@ impl Tank {
             streams: Vec::new(),
             solids: Vec::new(),
             saturation: None,
+            surface_axis: Some(1),
         }
     }
 
@@ -113,6 +117,7 @@ impl Tank {
             saturation: self.saturation,
             single: false,
             device: Device::Cpu,
+            surface_axis: self.surface_axis,
             terms: Vec::new(),
         };
         let axes = [SplitAxis::X, SplitAxis::Y, SplitAxis::Z];

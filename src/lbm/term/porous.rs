@@ -356,6 +356,7 @@ mod tests {
             saturation: None,
             single: false,
             device: crate::gpu::Device::Cpu,
+            surface_axis: None,
             terms: vec![make],
         };
         Fluid::new(setup, &Domain::serial(SplitAxis::X, cells[0], true)).unwrap()

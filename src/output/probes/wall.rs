@@ -325,6 +325,7 @@ mod tests {
             saturation: None,
             single: false,
             device: lbm::gpu::Device::Cpu,
+            surface_axis: None,
             terms: Vec::new(),
         };
         let mut fluid = Fluid::<f64>::new(setup, &Domain::serial(SplitAxis::X, 6, false)).unwrap();

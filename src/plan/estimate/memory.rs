@@ -60,9 +60,11 @@ pub(super) fn count(estimate: &mut Estimate, scene: &Scene, amounts: &CostQuanti
     if let Some(flow) = &scene.flow {
         let velocities = flow.lattice.velocities();
         let (cells, split) = (scene.grid.cells, scene.grid.split_axis);
+        let vertical = scene.surface.as_ref().map(|surface| surface.axis);
+        let order = Layout::order(velocities.dimension, cells, split, vertical);
         let (layout, number) = match flow.storage {
-            Precision::F64 => (Layout::for_slab::<f64>(&velocities, cells, split), 8.0),
-            Precision::F32 => (Layout::for_slab::<f32>(&velocities, cells, split), 4.0),
+            Precision::F64 => (Layout::for_slab::<f64>(&velocities, cells, order), 8.0),
+            Precision::F32 => (Layout::for_slab::<f32>(&velocities, cells, order), 4.0),
         };
         let mut each = real(flow.lattice.count()) * number + CELL;
         if flow.turbulence.is_some() {

@@ -246,6 +246,7 @@ fn traction_by_momentum_exchange_agrees_with_the_velocity_gradient() {
         saturation: None,
         single: false,
         device: lbm::gpu::Device::Cpu,
+        surface_axis: None,
         terms: Vec::new(),
     };
     let settings = BounceBackSettings {

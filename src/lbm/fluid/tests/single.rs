@@ -24,6 +24,7 @@ fn setup(set: VelocitySet, operator: Operator, cells: [usize; 3]) -> Setup<f32> 
         saturation: None,
         single: true,
         device: Device::Cpu,
+        surface_axis: None,
         terms: Vec::new(),
     }
 }

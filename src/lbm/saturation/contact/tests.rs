@@ -39,6 +39,7 @@ fn channel(solid_operator: SolidOperator, set: VelocitySet, tau: f64) -> Fluid<f
         }),
         single: false,
         device: crate::gpu::Device::Cpu,
+        surface_axis: None,
         terms: Vec::new(),
     };
     Fluid::new(setup, &Domain::serial(SplitAxis::X, cells[0], true)).unwrap()

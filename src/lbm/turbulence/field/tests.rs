@@ -28,6 +28,7 @@ fn fluid(cells: [usize; 3]) -> Fluid<f64> {
         }),
         single: false,
         device: crate::gpu::Device::Cpu,
+        surface_axis: None,
         terms: Vec::new(),
     };
     Fluid::new(setup, &Domain::serial(SplitAxis::X, cells[0], true)).unwrap()
