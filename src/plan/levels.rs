@@ -567,4 +567,78 @@ mod tests {
         let bgk = r#"fluid.lattice_boltzmann.collision={"bgk": {}}"#.to_owned();
         assert!(!found(1.1e-3, &[bgk]).contains("levels that differ"));
     }
+
+    /// Checks that no remedy of a culvert leads to another unstable case: heads of 0.1 to 1 m over the lower level, and
+    /// slots of 3 to 20 cells. Each remedy is applied, and the case planned again.
+    #[test]
+    fn remedies_of_culverts_pass_the_same_judge() {
+        let mut applied = 0;
+        for head in [0.1, 0.3, 1.0] {
+            for gap in [3.0, 6.0, 12.0, 20.0] {
+                for cell in [20.0, 100.0, 1000.0] {
+                    for collision in ["trt", "bgk"] {
+                        applied += unstable_after_remedies([head, gap, cell], collision);
+                    }
+                }
+            }
+        }
+        assert!(applied >= 10, "{applied}");
+    }
+
+    /// Applies the remedy of each unstable finding of a culvert with this head \[m\], gap \[cells\] and cell Reynolds
+    /// number in the gap, and returns how many were applied.
+    fn unstable_after_remedies([head, gap, cell]: [f64; 3], collision: &str) -> usize {
+        let spacing = 0.01;
+        let low = 0.3;
+        let speed = (2.0 * 9.81 * head).sqrt();
+        let (top, roof) = (1.5 * (low + head), 0.05 + gap * spacing);
+        let height = spacing * (top / spacing).round();
+        let case = json!({
+            "domain": {"size": [1.0, height], "spacing": spacing},
+            "gravity": [0, -9.81],
+            "fluid": {"lattice_boltzmann": {
+                "density": 1000, "kinematic_viscosity": speed * spacing / cell, "time_step": 0.05 * spacing / speed,
+                "collision": {collision: {}},
+                "surface": {"water": [{"shape": {"box": {"from": [0, 0], "to": [0.5, low + head]}}},
+                    {"shape": {"box": {"from": [0.5, 0], "to": [1, low]}}}]},
+                "boundaries": [
+                    {"name": "in", "face": "x_min", "condition": {"level": {"value": low + head}}},
+                    {"name": "out", "face": "x_max", "condition": {"level": {"value": low}}}
+                ]
+            }},
+            "structures": [
+                {"name": "wall", "shape": {"box": {"from": [0.4, roof], "to": [0.6, 9]}}},
+                {"name": "sill", "shape": {"box": {"from": [0.4, -1], "to": [0.6, 0.05]}}}
+            ],
+            "time": {"end": 1}
+        });
+        let unstable = |set: &[String]| -> Vec<base::error::Problem> {
+            let document = Document::read(&case.to_string(), set, Path::new(".")).unwrap();
+            let found = match Plan::prepare(document) {
+                Ok(plan) => plan.warnings,
+                Err(found) => found,
+            };
+            let bad = found
+                .into_iter()
+                .filter(|p| p.severity != Severity::Warning);
+            bad.collect()
+        };
+        let mut applied = 0;
+        for problem in unstable(&[]) {
+            let proposal = problem.remedy.proposal();
+            if proposal.is_empty() {
+                continue;
+            }
+            let set: Vec<String> = (proposal.iter())
+                .map(|one| format!("{}={}", one.path, one.value))
+                .collect();
+            let left = unstable(&set);
+            assert!(
+                left.is_empty(),
+                "{head} {gap} {cell} {collision}: {problem}\n{left:#?}"
+            );
+            applied += 1;
+        }
+        applied
+    }
 }

@@ -27,6 +27,7 @@ mod linear_stability;
 pub mod margin;
 pub mod models;
 pub mod pore_flow;
+mod remedies;
 pub mod report;
 mod resting;
 mod sampling;
@@ -156,26 +157,11 @@ impl Plan {
     }
 
     fn planned_from(document: Document, like: Option<&Self>) -> Result<Self, Vec<Problem>> {
-        let Document {
-            mut case,
-            problems: mut all,
-            sources,
-            mut canonical,
-        } = document;
-        all.extend(drawings::replace(&mut case, &mut canonical));
-        let is_error = |p: &Problem| p.severity == Severity::Error;
-        let refused_fields = all.iter().filter(|p| is_error(p));
-        let wrong: Vec<String> = refused_fields.map(|p| p.path.clone()).collect();
-        let (plan, found) = Self::try_plan(&case, like, &wrong);
-        // A field with an error does not get a second finding.
-        let new: Vec<Problem> = found
-            .into_iter()
-            .filter(|p| !wrong.contains(&p.path))
-            .collect();
-        // An error of a field says more than a warning that the same field is null.
-        let said = |known: &Problem| new.iter().any(|p| p.path == known.path && is_error(p));
-        all.retain(|known| is_error(known) || !said(known));
-        all.extend(new);
+        let directory = document.case.directory.clone();
+        let (plan, mut all, sources, canonical) = Self::judged_from(document, like);
+        if !refused(&all) {
+            remedies::judge((&canonical, &directory), like, &mut all);
+        }
         match plan {
             Some(mut plan) if !refused(&all) => {
                 plan.warnings = all;
@@ -219,6 +205,34 @@ impl Plan {
                 Err(all)
             }
         }
+    }
+
+    /// Resolves, checks and plans a case, and returns all findings, the sources of its values and its text.
+    fn judged_from(
+        document: Document,
+        like: Option<&Self>,
+    ) -> (Option<Self>, Vec<Problem>, BTreeMap<String, Source>, String) {
+        let Document {
+            mut case,
+            problems: mut all,
+            sources,
+            mut canonical,
+        } = document;
+        all.extend(drawings::replace(&mut case, &mut canonical));
+        let is_error = |p: &Problem| p.severity == Severity::Error;
+        let refused_fields = all.iter().filter(|p| is_error(p));
+        let wrong: Vec<String> = refused_fields.map(|p| p.path.clone()).collect();
+        let (plan, found) = Self::try_plan(&case, like, &wrong);
+        // A field with an error does not get a second finding.
+        let new: Vec<Problem> = found
+            .into_iter()
+            .filter(|p| !wrong.contains(&p.path))
+            .collect();
+        // An error of a field says more than a warning that the same field is null.
+        let said = |known: &Problem| new.iter().any(|p| p.path == known.path && is_error(p));
+        all.retain(|known| is_error(known) || !said(known));
+        all.extend(new);
+        (plan, all, sources, canonical)
     }
 
     /// Applies the speed of the present machine to the time estimate.
