@@ -1,4 +1,5 @@
-//! Driven bodies that leave the water through a face of the domain that is closed to it.
+//! Paths of driven bodies that end runs: through a face of the domain that is closed to the water, far out of the
+//! domain, and into another driven body.
 //!
 //! A driven body moves whatever the forces on it are. The water between it and a closed face must flow out of a gap
 //! that closes: its pressure grows without bound as the gap goes to zero, as in a squeeze film (Stefan 1874, Reynolds
@@ -8,9 +9,12 @@
 
 use crate::scene::Scene;
 use crate::scene::bodies::{Mobility, NamedBody};
+use crate::scene::boundaries::ScenePatch;
 use crate::scene::findings::{Findings, number};
+use crate::scene::flow::Flow;
 use base::geometry::Face;
 use base::history::TimeTable;
+use nalgebra::Vector3;
 
 /// Number of parts of an interval between two rows of a table in which the path is followed.
 const PARTS: u32 = 16;
@@ -47,50 +51,152 @@ fn path(body: &NamedBody, end: f64) -> [f64; 2] {
     range
 }
 
-/// Reports driven bodies that start inside the water and cross a face that is closed to it.
-pub(super) fn check(scene: &Scene, findings: &mut Findings) {
-    let Some(flow) = scene.flow.as_ref().filter(|_| scene.surface.is_none()) else {
+/// Returns `true` if a body that crosses a face meets only openings there: one patch lets all of its path through.
+fn leaves_through_an_opening(
+    scene: &Scene,
+    patches: &[ScenePatch],
+    (body, way): (&NamedBody, [f64; 2]),
+    axis: usize,
+) -> bool {
+    let open = patches
+        .iter()
+        .filter(|patch| patch.condition.model().passes_water());
+    let mut open = open.filter(|patch| {
+        (0..scene.grid.dimension)
+            .filter(|along| *along != axis)
+            .all(|along| {
+                let [low, high] = extent(body, along);
+                let [back, ahead] = way.map(|way| way * body.velocity[along]);
+                let [from, to] = patch.ends[along].map(|cells| cells * scene.grid.spacing);
+                let whole = from <= 0.0 && to >= scene.grid.size[along];
+                let clear = from <= low + back.min(ahead) && to >= high + back.max(ahead);
+                whole || clear
+            })
+    });
+    open.next().is_some()
+}
+
+/// Reports a driven body that starts inside the water and crosses a face that is closed to it.
+fn crosses_a_closed_face(
+    scene: &Scene,
+    flow: &Flow,
+    (n, body): (usize, &NamedBody),
+    findings: &mut Findings,
+) {
+    let way = path(body, scene.time.end);
+    for face in Face::ALL {
+        let axis = face.axis();
+        if axis >= scene.grid.dimension || scene.grid.periodic[axis] {
+            continue;
+        }
+        let [low, high] = extent(body, axis);
+        let moved = way.map(|way| way * body.velocity[axis]);
+        let (gap, towards) = if face.is_max() {
+            (scene.grid.size[axis] - high, moved[0].max(moved[1]))
+        } else {
+            (low, -moved[0].min(moved[1]))
+        };
+        let patches = &flow.faces[face.index()];
+        if gap <= 0.0
+            || towards <= gap
+            || leaves_through_an_opening(scene, patches, (body, way), axis)
+        {
+            continue;
+        }
+        findings.unstable(
+            &format!("bodies[{n}].motion.driven.velocity"),
+            format!(
+                "the body `{}` moves by {} m towards the face {}, which is {} m away and closed to the water where it \
+                 crosses: the water in front of it is pressed together without bound",
+                body.name,
+                number(towards),
+                face.name(),
+                number(gap)
+            ),
+            "end its motion before the face, let it reach through the face from the start, or add an opening there",
+        );
         return;
-    };
+    }
+}
+
+/// Reports a driven body whose centre moves so far out of the domain that the run ends: by more than its length.
+fn leaves_for_good(scene: &Scene, (n, body): (usize, &NamedBody), findings: &mut Findings) {
+    let way = path(body, scene.time.end);
+    for axis in (0..scene.grid.dimension).filter(|axis| !scene.grid.periodic[*axis]) {
+        let length = scene.grid.size[axis];
+        let at = way.map(|way| body.position[axis] + way * body.velocity[axis]);
+        if at.iter().all(|x| (-length..=2.0 * length).contains(x)) {
+            continue;
+        }
+        findings.unstable(
+            &format!("bodies[{n}].motion.driven.velocity"),
+            format!(
+                "the body `{}` moves out of the domain along {}, to {} m: more than one length of the domain outside, \
+                 where the run ends",
+                body.name,
+                ["x", "y", "z"][axis],
+                number(if at[0].abs() > at[1].abs() { at[0] } else { at[1] })
+            ),
+            "end its motion with a `history`, or let the run end before",
+        );
+        return;
+    }
+}
+
+/// Reports two driven discs or spheres that run into each other: neither gives way.
+fn run_into_each_other(
+    scene: &Scene,
+    [(m, one), (n, two)]: [(usize, &NamedBody); 2],
+    findings: &mut Findings,
+) {
+    if one.solid.is_some() || two.solid.is_some() || scene.grid.periodic.contains(&true) {
+        return;
+    }
+    let apart = Vector3::from(two.position) - Vector3::from(one.position);
+    let [first, second] = [one, two].map(|body| TimeTable::new(body.history.as_deref(), 1.0));
+    let reach = one.radius + two.radius;
+    let (mut ways, parts) = ([0.0; 2], 64 * PARTS);
+    let part = scene.time.end / f64::from(parts);
+    if apart.norm() < reach {
+        return;
+    }
+    for k in 0..parts {
+        let from = part * f64::from(k);
+        ways[0] += first.mean(from, from + part) * part;
+        ways[1] += second.mean(from, from + part) * part;
+        let now =
+            apart + Vector3::from(two.velocity) * ways[1] - Vector3::from(one.velocity) * ways[0];
+        if now.norm() < reach {
+            findings.unstable(
+                &format!("bodies[{n}].motion.driven.velocity"),
+                format!(
+                    "the driven bodies `{}` (bodies[{m}]) and `{}` run into each other at {} s: neither gives way, and the \
+                     water between them is pressed together without bound",
+                    one.name,
+                    two.name,
+                    number(from + part)
+                ),
+                "let one of them stop or turn before, or start them farther apart",
+            );
+            return;
+        }
+    }
+}
+
+/// Reports driven bodies whose paths end runs.
+pub(super) fn check(scene: &Scene, findings: &mut Findings) {
     let driven = scene.bodies.iter().enumerate();
-    for (n, body) in driven.filter(|(_, body)| body.mobility == Mobility::Driven) {
-        let way = path(body, scene.time.end);
-        for face in Face::ALL {
-            let axis = face.axis();
-            if axis >= scene.grid.dimension || scene.grid.periodic[axis] {
-                continue;
-            }
-            let patches = &flow.faces[face.index()];
-            if patches
-                .iter()
-                .any(|patch| patch.condition.model().passes_water())
-            {
-                continue;
-            }
-            let length = scene.grid.size[axis];
-            let [low, high] = extent(body, axis);
-            let moved = way.map(|way| way * body.velocity[axis]);
-            let (gap, towards) = if face.is_max() {
-                (length - high, moved[0].max(moved[1]))
-            } else {
-                (low, -moved[0].min(moved[1]))
-            };
-            if gap > 0.0 && towards > gap {
-                findings.unstable(
-                    &format!("bodies[{n}].motion.driven.velocity"),
-                    format!(
-                        "the body `{}` moves by {} m towards the face {}, which is {} m away and closed to the water: \
-                         the water in front of it is pressed together without bound",
-                        body.name,
-                        number(towards),
-                        face.name(),
-                        number(gap)
-                    ),
-                    "end its motion before the face, let it reach through the face from the start, or add an opening \
-                     there",
-                );
-                break;
-            }
+    let driven: Vec<(usize, &NamedBody)> = driven
+        .filter(|(_, body)| body.mobility == Mobility::Driven)
+        .collect();
+    for (k, body) in driven.iter().enumerate() {
+        leaves_for_good(scene, *body, findings);
+        let Some(flow) = scene.flow.as_ref().filter(|_| scene.surface.is_none()) else {
+            continue;
+        };
+        crosses_a_closed_face(scene, flow, *body, findings);
+        for other in &driven[..k] {
+            run_into_each_other(scene, [*other, *body], findings);
         }
     }
 }
@@ -101,9 +207,9 @@ mod tests {
     use case::Document;
     use serde_json::{Value, json};
 
-    /// Returns the number of findings for a disc that is driven upwards in a box of water.
-    fn findings(motion: &Value, height: f64, faces: &Value) -> usize {
-        let case = json!({
+    /// Returns a disc that is driven upwards in a box of water.
+    fn case(motion: &Value, height: f64, faces: &Value) -> Value {
+        json!({
             "domain": {"size": [0.006, 0.0125], "spacing": 0.000125, "periodic": ["x"]},
             "materials": {"glass": {"density": 2500}},
             "fluid": {"lattice_boltzmann": {"density": 1000, "kinematic_viscosity": 4e-5, "relaxation_time": 0.75,
@@ -113,12 +219,20 @@ mod tests {
                         "motion": motion, "material": "glass"}],
             "time": {"end": 0.06},
             "output": {}
-        });
+        })
+    }
+
+    /// Returns the number of findings at a path.
+    fn of(case: &Value, path: &str) -> usize {
         let document = Document::read(&case.to_string(), &[], std::path::Path::new(".")).unwrap();
         let plan = Plan::prepare(document).unwrap();
         let all = plan.warnings.iter();
-        all.filter(|w| w.path == "bodies[0].motion.driven.velocity")
-            .count()
+        all.filter(|w| w.path == path).count()
+    }
+
+    fn findings(motion: &Value, height: f64, faces: &Value) -> usize {
+        let case = case(motion, height, faces);
+        of(&case, "bodies[0].motion.driven.velocity")
     }
 
     #[test]
@@ -137,5 +251,23 @@ mod tests {
         // Up and down again.
         let back = json!({"driven": {"velocity": [0, 0.1], "history": [[0, 2], [0.03, 2], [0.03, -2], [0.06, -2]]}});
         assert_eq!(findings(&back, 0.0075, &closed), 1);
+        // An opening beside its path does not let it out.
+        let beside = json!([{"name": "lid", "face": "y_max", "condition": {"pressure": {"value": 0}},
+                             "patch": {"from": [0.001, 0.0125], "to": [0.003, 0.0125]}}]);
+        assert_eq!(findings(&up, 0.0075, &beside), 1);
+        // It ends more than one height above the domain.
+        let far = json!({"driven": {"velocity": [0, 0.4]}});
+        assert_eq!(findings(&far, 0.0075, &opens), 1);
+        // A second piston comes down onto it.
+        let mut down = case(&json!({"driven": {"velocity": [0, 0.02]}}), 0.0055, &opens);
+        let mut second = down["bodies"][0].clone();
+        second["name"] = json!("second");
+        second["position"] = json!([0.003, 0.0075]);
+        second["motion"]["driven"]["velocity"] = json!([0, -0.02]);
+        down["bodies"].as_array_mut().unwrap().push(second.clone());
+        down["domain"]["periodic"] = json!([]);
+        assert_eq!(of(&down, "bodies[1].motion.driven.velocity"), 1);
+        down["bodies"][1]["motion"]["driven"]["velocity"] = json!([0, 0.02]);
+        assert_eq!(of(&down, "bodies[1].motion.driven.velocity"), 0);
     }
 }

@@ -166,8 +166,11 @@ impl ContactModel for CohesiveFrictional {
         "linear, cohesive-frictional".into()
     }
 
-    fn shear_damping_path(&self) -> Option<&'static str> {
-        Some("contact.cohesive_frictional.shear_damping_ratio")
+    fn damping_paths(&self) -> Option<[&'static str; 2]> {
+        Some([
+            "contact.cohesive_frictional.normal_damping_ratio",
+            "contact.cohesive_frictional.shear_damping_ratio",
+        ])
     }
 
     fn materials(&self) -> u32 {

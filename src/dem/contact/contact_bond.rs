@@ -189,8 +189,11 @@ impl ContactModel for ContactBond {
         "linear with contact bonds".into()
     }
 
-    fn shear_damping_path(&self) -> Option<&'static str> {
-        Some("contact.contact_bond.shear_damping_ratio")
+    fn damping_paths(&self) -> Option<[&'static str; 2]> {
+        Some([
+            "contact.contact_bond.normal_damping_ratio",
+            "contact.contact_bond.shear_damping_ratio",
+        ])
     }
 
     fn materials(&self) -> u32 {

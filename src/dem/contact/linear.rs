@@ -236,8 +236,11 @@ impl ContactModel for Linear {
         "linear with friction".into()
     }
 
-    fn shear_damping_path(&self) -> Option<&'static str> {
-        Some("contact.linear.shear_damping_ratio")
+    fn damping_paths(&self) -> Option<[&'static str; 2]> {
+        Some([
+            "contact.linear.normal_damping_ratio",
+            "contact.linear.shear_damping_ratio",
+        ])
     }
 
     fn materials(&self) -> u32 {

@@ -52,8 +52,8 @@ pub trait ContactModel {
         None
     }
 
-    /// Returns the JSON path of the damping of the shear springs; none for a law that has its own.
-    fn shear_damping_path(&self) -> Option<&'static str> {
+    /// Returns the JSON paths of the damping of the normal and of the shear springs; none for a law that has its own.
+    fn damping_paths(&self) -> Option<[&'static str; 2]> {
         None
     }
 

@@ -25,8 +25,8 @@ macro_rules! model_of_law_below {
             self.law.springs(contact)
         }
 
-        fn shear_damping_path(&self) -> Option<&'static str> {
-            self.law.shear_damping_path()
+        fn damping_paths(&self) -> Option<[&'static str; 2]> {
+            self.law.damping_paths()
         }
 
         fn impact_speed(&self) -> Option<(f64, &'static str)> {
