@@ -38,6 +38,7 @@ use crate::network::{End, Network};
 use crate::polygon::LinearField;
 use crate::slot::{MODES, Modes};
 use crate::water::Mixture;
+use base::number::{real, whole};
 use decomposition::ExactSum;
 use nalgebra::{Vector2, Vector3, Vector6};
 
@@ -52,6 +53,8 @@ mod walls;
 
 /// Pairs of rotational degrees of freedom of a block.
 const ROTATION_PAIRS: [[usize; 2]; 3] = [[3, 4], [3, 5], [4, 5]];
+/// Number of values of a gap.
+const GAP: usize = 3;
 /// Diagonal of the two stages.
 const DIAGONAL: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
 
@@ -176,8 +179,8 @@ struct Links {
     turbulences: Vec<Turbulence>,
     /// Discharges of the modes of each link; none without inertia.
     mode: Vec<[f64; MODES]>,
-    /// Responses of the links whose walls do not move in the next stage, and its duration \[s\]; none if the channels
-    /// have changed.
+    /// Responses of the links in the next stage with the present channels, and its duration \[s\]; none if they are not
+    /// known.
     responses: Vec<LinkResponse>,
     responses_of: Option<f64>,
     /// Discharges at the end of the last stage \[m³/s\].
@@ -192,12 +195,17 @@ struct Walls {
     /// Gaps without the displacements of the blocks, and the change of these gaps by the displacements \[m\].
     base_gaps: Vec<LinearField>,
     openings: Vec<LinearField>,
+    /// Gaps for which the channels of the links were computed \[m\], and `true` for each joint whose channels are to be
+    /// computed again.
+    followed: Vec<LinearField>,
+    renews: Vec<bool>,
     /// Mover of each block.
     of_rock: Vec<Option<usize>>,
-    /// Joints of moving blocks and their cells; `true` for each of their links; levers of the blocks at these joints.
+    /// Joints of moving blocks and their cells; levers of the blocks at these joints.
     moving: [Vec<usize>; 2],
-    link_moves: Vec<bool>,
     levers: Vec<[Option<Lever>; 2]>,
+    /// Largest distance of a corner of these joints from their origin \[m\].
+    reaches: Vec<f64>,
 }
 
 /// Volumes of the cells and their water.
@@ -223,6 +231,8 @@ struct System {
     factored: [Vec<f64>; 2],
     /// `true` if the factors may be used for the next iteration.
     keeps: bool,
+    /// Number of iterations beyond the first of each stage since the last factorisation.
+    extra: usize,
     /// Number of factorisations in this step.
     factorisations: usize,
     /// Node with fixed pressure in each closed part of the network, found by the first solution.
@@ -415,20 +425,29 @@ impl JointFlow {
     }
 
     /// Returns the state: pressures of the nodes \[Pa\], then discharges of the links, then those of the modes
-    /// \[m³/s\], then the water of the nodes in excess of their volumes \[m³\]; then 1 and the matrix of the factors if
-    /// the next step uses them, or zeros.
+    /// \[m³/s\], then the water of the nodes in excess of their volumes \[m³\]; then the gaps of the channels in joints of
+    /// moving blocks; then 1 plus the number of iterations that the factors have cost, and their matrix, if the next step
+    /// uses them, or zeros.
     #[must_use]
     pub fn state(&self) -> Vec<f64> {
         let [diagonal, pairs] = &self.system.factored;
-        let keeps = [f64::from(u8::from(self.system.keeps))];
+        let keeps = if self.system.keeps {
+            1.0 + real(self.system.extra)
+        } else {
+            0.0
+        };
         let mut state = [
             &self.pressure[..],
             &self.links.discharge,
             self.links.mode.as_flattened(),
             &self.storage.surplus,
-            &keeps,
         ]
         .concat();
+        for &joint in &self.walls.moving[0] {
+            let gap = &self.walls.followed[joint];
+            state.extend([gap.constant, gap.slope.x, gap.slope.y]);
+        }
+        state.push(keeps);
         if self.system.keeps {
             state.extend(diagonal.iter().chain(pairs));
         } else {
@@ -444,7 +463,8 @@ impl JointFlow {
         let mode = self.links.mode.as_flattened_mut();
         let modes = nodes + links..nodes + links + mode.len();
         let [unknowns, pairs] = [0, 1].map(|part| self.system.factored[part].len());
-        let kept = modes.end + nodes;
+        let surplus = modes.end..modes.end + nodes;
+        let kept = surplus.end + GAP * self.walls.moving[0].len();
         if state.len() != kept + 1 + unknowns + pairs {
             return false;
         }
@@ -456,9 +476,11 @@ impl JointFlow {
         self.links.responses_of = None;
         self.storage
             .surplus
-            .copy_from_slice(&state[modes.end..kept]);
+            .copy_from_slice(&state[surplus.clone()]);
+        self.restore_channels(&state[surplus.end..kept]);
         let (diagonal, pairs) = state[kept + 1..].split_at(unknowns);
         self.system.keeps = state[kept] > 0.5;
+        self.system.extra = whole((state[kept] - 1.0).max(0.0));
         self.system.factored = [diagonal.to_vec(), pairs.to_vec()];
         !self.system.keeps || self.system.factors.factorise(diagonal, pairs).is_ok()
     }

@@ -38,6 +38,13 @@ impl<T: Copy> Polygon<T> {
         self.corners.is_empty()
     }
 
+    /// Returns the largest distance of a corner from the origin \[m\].
+    #[must_use]
+    pub fn reach(&self) -> f64 {
+        let corners = self.corners.iter();
+        corners.fold(0.0, |most, (corner, _)| most.max(corner.norm()))
+    }
+
     /// Returns the largest extent along an axis \[m\].
     #[must_use]
     pub fn size(&self) -> f64 {

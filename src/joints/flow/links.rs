@@ -91,10 +91,10 @@ impl Links {
 }
 
 impl JointFlow {
-    /// Returns the coefficients of a link at the present gaps.
+    /// Returns the coefficients of a link at the gap that its channel follows.
     pub(super) fn channel(&self, link: usize) -> Channel {
         let shape = &self.links.shapes[link];
-        let gap = &self.walls.gaps[shape.joint];
+        let gap = &self.walls.followed[shape.joint];
         let residual = self.network.settings.residual_aperture;
         let [from, to] = &shape.path;
         let apertures = [gap.value(from).max(residual), gap.value(to).max(residual)];
@@ -106,8 +106,8 @@ impl JointFlow {
         }
     }
 
-    /// Returns the coefficients of turbulent friction of a link at the present gaps; those of laminar flow without a
-    /// roughness.
+    /// Returns the coefficients of turbulent friction of a link at the gap that its channel follows; those of laminar
+    /// flow without a roughness.
     pub(super) fn turbulence(&self, link: usize) -> Turbulence {
         let Some(roughness) = self.settings.roughness else {
             return Turbulence::default();
@@ -123,7 +123,7 @@ impl JointFlow {
         }
     }
 
-    /// Updates the coefficients of a link at the present gaps.
+    /// Updates the coefficients of a link.
     pub(super) fn set_channel(&mut self, link: usize) {
         self.links.channels[link] = self.channel(link);
         if self.settings.roughness.is_some() {
@@ -153,32 +153,40 @@ impl JointFlow {
         }
     }
 
-    /// Computes the channels of the links of moving blocks at the present gaps, and their responses.
+    /// Computes the channels of the links in joints that have moved, and their responses.
     pub(super) fn renew_answers(&mut self, interval: f64) {
         let mut channels = std::mem::take(&mut self.links.channels);
         let mut answers = std::mem::take(&mut self.work.answers);
+        let mut responses = std::mem::take(&mut self.links.responses);
         let mut turbulences = std::mem::take(&mut self.links.turbulences);
         let (count, rough) = (channels.len(), !turbulences.is_empty());
         let pieces = pieces(count);
         let shared = (
             evenly(&mut channels, pieces),
             evenly(&mut answers, pieces),
+            evenly(&mut responses, pieces),
             evenly(&mut turbulences, pieces),
         );
-        each_of(pieces, shared, |piece, (channels, answers, turbulences)| {
-            let links = channels.iter_mut().zip(answers).enumerate();
-            for (at, (channel, answer)) in links {
-                let link = count * piece / pieces + at;
-                if !self.walls.link_moves[link] {
-                    continue;
+        each_of(
+            pieces,
+            shared,
+            |piece, (channels, answers, responses, turbulences)| {
+                let links = channels.iter_mut().zip(answers).zip(responses).enumerate();
+                for (at, ((channel, answer), response)) in links {
+                    let link = count * piece / pieces + at;
+                    if !self.walls.renews[self.links.shapes[link].joint] {
+                        continue;
+                    }
+                    *channel = self.channel(link);
+                    *response = self.response(link, channel, interval);
+                    *answer = self.answer(link, *response);
+                    if rough {
+                        turbulences[at] = self.turbulence(link);
+                    }
                 }
-                *channel = self.channel(link);
-                *answer = self.answer(link, self.response(link, channel, interval));
-                if rough {
-                    turbulences[at] = self.turbulence(link);
-                }
-            }
-        });
+            },
+        );
+        self.links.responses = responses;
         self.links.channels = channels;
         self.work.answers = answers;
         self.links.turbulences = turbulences;

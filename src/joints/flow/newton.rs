@@ -4,8 +4,9 @@
 //! change of the matrix (chord method: C. T. Kelley, Iterative Methods for Linear and Nonlinear Equations, 1995,
 //! section 5.4.1). It costs a solution instead of a factorisation. The factors are kept, also for the next step, as
 //! long as each iteration leaves at most [`KEPT`] of the imbalance; a stage that begins with factors that are too old
-//! begins again with new ones. The matrix of the factors belongs to the state: a restart computes the same factors from
-//! it.
+//! begins again with new ones. Factors that leave more than a stage may also leave cost iterations: they are renewed when
+//! these have cost as much as a factorisation. The matrix of the factors belongs to the state: a restart computes the
+//! same factors from it.
 //!
 //! The part of the imbalance that an iteration leaves, times its change of the pressures, is the error that remains.
 //! Imbalances are compared in units of pressure: each is divided by the diagonal of the matrix.
@@ -21,13 +22,15 @@ const STEADY_CHANGE: f64 = 1e-12;
 /// Error of the pressures at the end of a stage, relative to the largest, and to the largest change in the stage: the
 /// water that is missing in a balance is part of the next one.
 const ERROR: f64 = 1e-10;
-const ERROR_OF_CHANGE: f64 = 1e-6;
+const ERROR_OF_CHANGE: f64 = 1e-4;
 /// Change of the pressures, relative to the largest, below which only rounding remains: with new factors, and in
 /// iterations with kept factors that do not reduce the imbalance.
 const ROUNDING: f64 = 1e-8;
 const KEPT_ROUNDING: f64 = 1e-11;
 /// Largest part of the imbalance that an iteration leaves with which Newton's method keeps its factors.
 const KEPT: f64 = 0.03;
+/// Number of iterations beyond the first of each stage that cost as much as a factorisation: then factors are renewed.
+const COSTS: usize = 8;
 /// Displacement of a block in a stage, over the widest aperture, below which Newton's method may end.
 const STILL: f64 = 1e-14;
 /// Maximum number of halvings of a Newton step.
@@ -79,6 +82,7 @@ impl JointFlow {
         stores: bool,
     ) -> Result<(), FlowError> {
         self.system.factorisations += 1;
+        self.system.extra = 0;
         self.set_matrix(unknowns, interval, stores);
         let [diagonal, pairs] = &self.system.factored;
         let factors = self.system.factors.factorise(diagonal, pairs);
@@ -91,6 +95,7 @@ impl JointFlow {
         interval: f64,
         stores: bool,
     ) -> Result<usize, FlowError> {
+        self.system.keeps &= self.system.extra < COSTS;
         // Factors of an earlier stage have no iteration of this one yet.
         let mut untried = self.system.keeps;
         self.work.first.copy_from_slice(unknowns);
@@ -121,6 +126,7 @@ impl JointFlow {
             if self.has_converged(unknowns, &made, (interval, stores, fresh)) {
                 // Factors that have reached rounding serve the next stage as well.
                 self.system.keeps = true;
+                self.system.extra += step - 1;
                 return Ok(step);
             }
         }

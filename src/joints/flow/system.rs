@@ -49,6 +49,7 @@ impl System {
             factors: factors(network, movers, &pairs),
             factored: [vec![0.0; unknowns], vec![0.0; pairs.len()]],
             keeps: false,
+            extra: 0,
             factorisations: 0,
             held: Vec::new(),
         }

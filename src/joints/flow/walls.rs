@@ -1,13 +1,19 @@
 //! Gaps, volumes and channels of a network as its blocks move. Joints between blocks that do not move are left as they
 //! are.
+//!
+//! Volumes and gaps follow every motion, the channels of the links one that exceeds the part [`FOLLOWED`] of the aperture:
+//! the discharge is off by at most three times this part.
 
-use super::{CellSize, JointFlow, Storage, Walls};
+use super::{CellSize, GAP, JointFlow, Storage, Walls};
 use crate::cells::Cell;
 use crate::motion::{Lever, Mover, arm};
 use crate::network::Network;
 use crate::pairs::{Rock, follow};
 use crate::polygon::LinearField;
-use nalgebra::Vector6;
+use nalgebra::{Vector2, Vector6};
+
+/// Change of a gap, as a part of the smallest aperture of its joint, within which the channels stay as they are.
+const FOLLOWED: f64 = 1e-5;
 
 /// Returns the cells of a network for the computation of their volumes.
 fn sizes(network: &Network) -> Vec<CellSize> {
@@ -29,8 +35,8 @@ fn sizes(network: &Network) -> Vec<CellSize> {
         .collect()
 }
 
-/// Returns the joints of moving blocks and their cells, and `true` for each of their links.
-fn moving(network: &Network, of_rock: &[Option<usize>]) -> ([Vec<usize>; 2], Vec<bool>) {
+/// Returns the joints of moving blocks and their cells.
+fn moving(network: &Network, of_rock: &[Option<usize>]) -> [Vec<usize>; 2] {
     let moves = |rock: usize| of_rock.get(rock).copied().flatten().is_some();
     let of = |joint: usize| {
         network.joints[joint]
@@ -40,8 +46,7 @@ fn moving(network: &Network, of_rock: &[Option<usize>]) -> ([Vec<usize>; 2], Vec
     };
     let joints = (0..network.joints.len()).filter(|joint| of(*joint));
     let cells = (0..network.cells.len()).filter(|cell| of(network.joint_of[*cell]));
-    let links = network.links.iter().map(|link| of(link.joint));
-    ([joints.collect(), cells.collect()], links.collect())
+    [joints.collect(), cells.collect()]
 }
 
 /// Returns the levers of the blocks at both sides of a joint.
@@ -57,17 +62,21 @@ impl Walls {
     /// Returns the gaps of a network; `of_rock` is the mover of each block.
     pub(super) fn new(network: &Network, movers: &[Mover], of_rock: Vec<Option<usize>>) -> Self {
         let gaps: Vec<LinearField> = network.joints.iter().map(|joint| joint.gap).collect();
-        let (moving, link_moves) = moving(network, &of_rock);
+        let moving = moving(network, &of_rock);
         let levers = |joint: &usize| levers_of(network, (movers, &of_rock), *joint);
         let levers = moving[0].iter().map(levers).collect();
+        let reach = |joint: &usize| network.joints[*joint].overlap.reach();
+        let reaches = moving[0].iter().map(reach).collect();
         Self {
             base_gaps: gaps.clone(),
+            followed: gaps.clone(),
+            renews: vec![false; gaps.len()],
             openings: vec![LinearField::default(); gaps.len()],
             gaps,
             of_rock,
             moving,
-            link_moves,
             levers,
+            reaches,
         }
     }
 }
@@ -136,11 +145,46 @@ impl JointFlow {
         };
     }
 
+    /// Returns `true` if the gap of a joint of moving blocks, by its number among them, is no longer that of its
+    /// channels.
+    fn has_moved(&self, number: usize) -> bool {
+        let (joint, reach) = (self.walls.moving[0][number], self.walls.reaches[number]);
+        let (now, followed) = (&self.walls.gaps[joint], &self.walls.followed[joint]);
+        let turned = (now.slope - followed.slope).norm() * reach;
+        let smallest = followed.constant - followed.slope.norm() * reach;
+        let smallest = smallest.max(self.network.settings.residual_aperture);
+        (now.constant - followed.constant).abs() + turned > FOLLOWED * smallest
+    }
+
+    /// Restores the gaps of the channels in joints of moving blocks.
+    pub(super) fn restore_channels(&mut self, gaps: &[f64]) {
+        let joints = self.walls.moving[0].iter();
+        for (&joint, gap) in joints.zip(gaps.chunks_exact(GAP)) {
+            self.walls.followed[joint] = LinearField {
+                constant: gap[0],
+                slope: Vector2::new(gap[1], gap[2]),
+            };
+        }
+        (0..self.links.channels.len()).for_each(|link| self.set_channel(link));
+    }
+
     /// Updates gaps, volumes and responses in a stage of the joints of moving blocks; those of other joints do not
     /// change.
     pub(super) fn place_moving_walls(&mut self, interval: f64) {
-        (0..self.walls.levers.len()).for_each(|number| self.place_wall(number));
-        self.renew_answers(interval);
+        let mut any = false;
+        for number in 0..self.walls.levers.len() {
+            self.place_wall(number);
+            let joint = self.walls.moving[0][number];
+            let moved = self.has_moved(number);
+            self.walls.renews[joint] = moved;
+            if moved {
+                self.walls.followed[joint] = self.walls.gaps[joint];
+                any = true;
+            }
+        }
+        if any {
+            self.renew_answers(interval);
+        }
         let [joints, cells] = std::mem::take(&mut self.walls.moving);
         cells.iter().for_each(|cell| self.measure_volume(*cell));
         self.walls.moving = [joints, cells];
@@ -150,9 +194,8 @@ impl JointFlow {
     pub(super) fn place_walls(&mut self) {
         self.walls.gaps.copy_from_slice(&self.walls.base_gaps);
         (0..self.walls.levers.len()).for_each(|number| self.place_wall(number));
-        for link in 0..self.links.channels.len() {
-            self.set_channel(link);
-        }
+        self.walls.followed.copy_from_slice(&self.walls.gaps);
+        (0..self.links.channels.len()).for_each(|link| self.set_channel(link));
         self.links.responses_of = None;
         self.measure_volumes();
     }
