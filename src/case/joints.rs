@@ -42,6 +42,13 @@ pub struct LatticeJoints {
     /// Method for the joints.
     #[serde(default)]
     pub method: JointMethod,
+    /// Number of steps of the lattice for each step of the network. The means of pressures over these steps drive it,
+    /// and its discharge returns evenly in as many steps. Only 1 is allowed if a block can move: all blocks must be
+    /// fixed for more. A relaxation time of at least 0.53 keeps more
+    /// stable.
+    #[serde(default = "one_step")]
+    #[schemars(extend("minimum" = 1, "maximum" = 16))]
+    pub lattice_steps: u32,
     /// Joints, and the water in them.
     #[serde(flatten)]
     pub joints: JointSettings,
@@ -141,6 +148,10 @@ pub struct Mouth {
     /// with a face whose centroid lies in the box.
     #[serde(default)]
     pub presses_on_blocks: bool,
+}
+
+fn one_step() -> u32 {
+    1
 }
 
 fn ten() -> f64 {

@@ -6,8 +6,10 @@ mod moving;
 #[cfg(test)]
 mod tests;
 mod under_lattice;
+mod window;
 
 pub use moving::{Departure, most_numbers};
+pub use window::window_numbers;
 
 use super::Flow as Coupled;
 use base::error::Error;
@@ -24,6 +26,7 @@ use joints::takeover::TakenOver;
 use moving::Moving;
 use nalgebra::Vector3;
 use std::time::{Duration, Instant};
+use window::Window;
 
 /// Water outside a mouth.
 #[derive(Clone, Debug)]
@@ -222,8 +225,10 @@ pub struct JointWater {
     moving: Option<Box<Moving>>,
     /// Force and torque of a lattice on each block; empty without a lattice.
     of_lattice: Vec<[Vector3<f64>; 2]>,
-    /// Water that returns to the lattice: index of the mouth, and volume of the last step \[m³\].
+    /// Water that still returns to the lattice: index of the mouth, and volume \[m³\].
     returned: Vec<(usize, f64)>,
+    /// Steps of a lattice in a step of the joints.
+    window: Window,
     /// Joints that the lattice takes over after this step.
     taken: Vec<TakenOver>,
     /// Number of networks built so far; it increases when the network is rebuilt.
@@ -232,6 +237,7 @@ pub struct JointWater {
     gravity: Vector3<f64>,
     /// Id of the first block.
     first: u64,
+    /// Step of the joints \[s\].
     interval: f64,
     /// Number of steps done.
     steps: u64,
@@ -263,12 +269,13 @@ impl JointWater {
             mouths,
             blocks,
             gravity,
-            (first, interval),
+            (first, interval, 1),
         )
     }
 
     /// Returns the water in joints under a lattice, initially at pressure 0. The pressures of `settings` are those of
-    /// the lattice, with the gravity that acts there; `gravity` is that on the blocks [m/s²].
+    /// the lattice, with the gravity that acts there; `gravity` is that on the blocks [m/s²]. `steps` are the id of the
+    /// first block, the step of the lattice \[s\] and the number of these steps in a step of the joints.
     ///
     /// # Errors
     ///
@@ -278,7 +285,7 @@ impl JointWater {
         settings: FlowSettings,
         gravity: Vector3<f64>,
         blocks: &[NetworkBlock],
-        steps: (u64, f64),
+        steps: (u64, f64, u32),
     ) -> Result<Self, Error> {
         let mut mouths = Mouths::new(Vec::new(), Vector3::zeros(), &network);
         mouths.fronts = Some(vec![Some(0.0); network.open.len()]);
@@ -290,7 +297,7 @@ impl JointWater {
         mouths: Mouths,
         blocks: &[NetworkBlock],
         gravity: Vector3<f64>,
-        (first, interval): (u64, f64),
+        (first, lattice_step, lattice_steps): (u64, f64, u32),
     ) -> Result<Self, Error> {
         let moving = Moving::new(blocks, &mouths, &network);
         let movers = moving.as_ref().map_or_else(Vec::new, |m| m.movers(blocks));
@@ -317,11 +324,12 @@ impl JointWater {
             moving,
             of_lattice: Vec::new(),
             returned: Vec::new(),
+            window: Window::new(u64::from(lattice_steps)),
             taken: Vec::new(),
             networks: 1,
             gravity,
             first,
-            interval,
+            interval: lattice_step * f64::from(lattice_steps),
         };
         water.measure();
         Ok(water)
@@ -445,6 +453,7 @@ impl JointWater {
         } = self.balance;
         let water = [initial, entered, released, taken_over, opened, into_rock];
         let mut state = [&water[..], &[low, high]].concat();
+        self.save_window(&mut state);
         if let Some(moving) = &self.moving {
             moving.save(&self.solids, self.flow.network(), &mut state);
         }
@@ -452,13 +461,14 @@ impl JointWater {
         state
     }
 
-    /// Restores the state of a checkpoint after this number of steps.
+    /// Restores the state of a checkpoint after this number of steps, which are those of the lattice if there is one.
     ///
     /// # Errors
     /// If the state is that of another network.
     pub fn restore(&mut self, numbers: &[f64], steps: u64) -> Result<(), Error> {
         let another = || Error::Io("the checkpoint holds the water of other joints".into());
-        let (sums, mut state) = numbers.split_at_checked(BALANCE).ok_or_else(another)?;
+        let (sums, state) = numbers.split_at_checked(BALANCE).ok_or_else(another)?;
+        let (loads, mut state) = self.restore_window(state).ok_or_else(another)?;
         if self.moving.is_some() {
             state = self.restore_positions(state).ok_or_else(another)?;
         }
@@ -474,9 +484,10 @@ impl JointWater {
             into_rock: sums[5],
             pressure: [sums[6], sums[7]],
         };
-        self.steps = steps;
+        self.steps = steps / self.lattice_steps();
         self.networks += 1;
         self.measure();
+        self.restore_loads(loads);
         Ok(())
     }
 }
@@ -492,8 +503,10 @@ impl<S: Space> Coupled<S> for JointWater {
         // Water moves together with its blocks, behind the loads of their contacts.
         if self.moving.is_none() {
             let begin = Instant::now();
-            self.advance_water()?;
-            self.measure();
+            if self.is_due() {
+                self.advance_water()?;
+                self.measure();
+            }
             self.set_loads(particles);
             self.add_time(begin);
         }

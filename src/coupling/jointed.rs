@@ -38,6 +38,9 @@
 //! `l` of the joint, by a quarter of `h/(3 l)` with cells `h` of the lattice. Cells of the joint of at least `h` keep
 //! it positive.
 //!
+//! **Several steps.** The joints may make one step in several of the lattice: the means of pressures and loads drive
+//! it, and its water returns evenly (`window` of [`crate::joint_water`]). Water on its way belongs to neither.
+//!
 //! **Pressures** are those of the lattice. Where gravity does not act on its water they are the excess over
 //! hydrostatic, in the joints as well, and the buoyancy of the whole block comes with the load of the lattice.
 

@@ -425,9 +425,9 @@ impl JointFlow {
     }
 
     /// Returns the state: pressures of the nodes \[Pa\], then discharges of the links, then those of the modes
-    /// \[m³/s\], then the water of the nodes in excess of their volumes \[m³\]; then the gaps of the channels in joints of
-    /// moving blocks; then 1 plus the number of iterations that the factors have cost, and their matrix, if the next step
-    /// uses them, or zeros.
+    /// \[m³/s\], then the water of the nodes in excess of their volumes \[m³\]; then the gaps of the channels in joints
+    /// of moving blocks; then 1 plus the number of iterations that the factors have cost, and their matrix, if the next
+    /// step uses them, or zeros.
     #[must_use]
     pub fn state(&self) -> Vec<f64> {
         let [diagonal, pairs] = &self.system.factored;

@@ -22,6 +22,7 @@ pub mod explicit_drag;
 mod free_surface;
 mod impacts;
 pub mod interval;
+mod joint_steps;
 mod levels;
 mod linear_stability;
 pub mod margin;

@@ -315,6 +315,13 @@ impl Choices<'_> {
                          are closed"),
             );
         }
+        if joints.lattice_steps > 1 {
+            self.add(
+                "steps of the joints",
+                format!("one in {} steps of the lattice", joints.lattice_steps),
+                "requested: the means of pressures and loads drive it, its discharge returns evenly".to_owned(),
+            );
+        }
         if joints.movers > 0 {
             self.add(
                 "blocks in joints",

@@ -233,8 +233,13 @@ fn expected(plan: &Plan, changed: bool, stage: &Stage) -> checkpoint::Expected {
             .or(scene.joints.as_ref().map(|joints| {
                 let inertia = joints.written.inertia;
                 let (nodes, links) = (joints.nodes(), joints.counts.links);
+                let blocks = scene.blocks.as_ref().map_or(0, |blocks| blocks.number);
+                let (steps, mouths) = (joints.lattice_steps, joints.counts.mouths);
                 match joints.movers {
-                    0 => joint_water::numbers(joints.numbers),
+                    0 => {
+                        joint_water::numbers(joints.numbers)
+                            + joint_water::window_numbers(steps, mouths, blocks)
+                    }
                     movers => joint_water::most_numbers(movers, nodes, links, inertia),
                 }
             })),

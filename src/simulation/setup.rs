@@ -332,6 +332,7 @@ pub fn joints(plan: &Plan) -> Result<Option<JointWater>, Error> {
     let steps = (first, plan.clock.time_step);
     if scene.under_lattice {
         let gravity = plan.scene.gravity.into();
+        let steps = (steps.0, steps.1, scene.lattice_steps);
         return JointWater::under_lattice(network, settings, gravity, &all, steps).map(Some);
     }
     JointWater::new(network, settings, mouths, &all, steps).map(Some)

@@ -7,7 +7,7 @@ use solver::case::Document;
 use solver::coupling::Flow;
 use solver::dem::particles::Particles;
 use solver::dem::space::Volume;
-use solver::error::Problem;
+use solver::error::{Problem, Severity};
 use solver::lbm::fluid::Fluid;
 use solver::plan::Plan;
 use solver::simulation::{coupled, setup};
@@ -102,10 +102,22 @@ fn the_joint_between_two_pools_has_a_linear_pressure_and_lifts_its_block() {
     assert!(joints["mass_error"].as_f64().unwrap().abs() < 1e-10);
 }
 
+/// Returns a case in which the joints make one step in this number of steps of the lattice.
+fn with_steps(mut case: Value, lattice_steps: u32) -> Value {
+    case["fluid"]["lattice_boltzmann"]["joints"]["lattice_steps"] = json!(lattice_steps);
+    case
+}
+
 #[test]
 fn a_lattice_and_its_joints_keep_their_water_together() {
+    for lattice_steps in [1, 4] {
+        keep_water(lattice_steps);
+    }
+}
+
+fn keep_water(lattice_steps: u32) {
     // A closed box: more water on the left flows to the right, through the joint alone.
-    let case = pools(&json!([]));
+    let case = with_steps(pools(&json!([])), lattice_steps);
     let read = Document::read(&case.to_string(), &[], Path::new("."));
     let plan = read.and_then(Plan::prepare).unwrap();
     let domain = Domain::serial(SplitAxis::X, plan.scene.grid.cells[0], false);
@@ -136,6 +148,7 @@ fn a_lattice_and_its_joints_keep_their_water_together() {
             sum.add(fluid.moments(*position).0 * volume);
         }
         sum.add(water.joints().unwrap().flow().stored());
+        sum.add(water.joints().unwrap().on_its_way());
         (sum.value(), water.joints().unwrap().balance().entered)
     };
     let right = |water: &solver::coupling::water::Water<Volume, f64>| {
@@ -144,7 +157,8 @@ fn a_lattice_and_its_joints_keep_their_water_together() {
     };
     let (before, _) = mass(&water);
     let mut passed = 0.0_f64;
-    for _ in 0..400 {
+    // The last step of the lattice is the second after one of the joints: water is on its way.
+    for _ in 0..402 {
         water.advance(&mut particles, &domain).unwrap();
         water.update_bodies(&mut particles, &domain).unwrap();
         passed = passed.max(mass(&water).1.abs());
@@ -158,6 +172,8 @@ fn a_lattice_and_its_joints_keep_their_water_together() {
     // What enters at one mouth leaves at the other: the network keeps only what its pressure compresses.
     assert!(error.abs() < 1e-10 && passed > 0.0);
     assert!(right(&water) > 1e-8);
+    let on_its_way = water.joints().unwrap().on_its_way();
+    assert_eq!(on_its_way != 0.0, lattice_steps > 1, "{on_its_way:e}");
 }
 
 /// Returns a block flush with its bed under a stream that a pressure drives.
@@ -231,6 +247,65 @@ fn a_flush_block_under_a_stream_has_the_same_bits_on_any_ranks_and_after_restart
     study.same("straight", "parts");
 }
 
+/// Returns the flush block, held like its bed, with joints that make one step in this number of steps of the lattice.
+fn held(lattice_steps: u32) -> Value {
+    let mut case = with_steps(flush(), lattice_steps);
+    case["blocks"]["fixed"] = json!([{"from": [0, 0, 0], "to": [0.2, 0.06, 0.12]}]);
+    case["fluid"]["lattice_boltzmann"]["kinematic_viscosity"] = json!(5e-3);
+    case
+}
+
+#[test]
+fn several_steps_of_the_lattice_in_a_step_of_the_joints_have_the_same_bits() {
+    let _beside = beside_others();
+    let other = with_steps(pools(&pressures(60.0, 20.0)), 4);
+    for (case, end) in [(held(3), 0.03), (other, 0.1)] {
+        let study = Study::new(&case.to_string());
+        let end = format!("time.end={end}");
+        study.run("straight", 1, 1, &[&end]);
+        let joints = &study.summary("straight")["joints"];
+        assert!(
+            joints["mass_error"].as_f64().unwrap().abs() < 1e-10,
+            "{joints}"
+        );
+        study.run("threads", 1, 2, &[&end]);
+        study.same("straight", "threads");
+        study.run("three", 3, 1, &[&end, "domain.split=z"]);
+        study.same("straight", "three");
+        // 70 and 14 steps are no multiples.
+        study.run("parts", 2, 1, &["time.end=0.014"]);
+        let other = "fluid.lattice_boltzmann.joints.lattice_steps=2";
+        study.restart("parts", 1, &[&end, other]).expect(3);
+        study.restart("parts", 1, &[&end]).expect(0);
+        study.same("straight", "parts");
+    }
+}
+
+#[test]
+fn several_steps_of_the_lattice_in_a_step_of_the_joints_change_pulses_little() {
+    let _beside = beside_others();
+    let case = |steps: u32| {
+        let mut case = held(steps);
+        case["time"]["end"] = json!(0.06);
+        case["probes"][1]["every"] = json!(6e-4);
+        case
+    };
+    let study = |steps: u32| Study::new(&case(steps).to_string());
+    let pressure = |steps: u32| {
+        let study = study(steps);
+        study.run("run", 1, 2, &[]);
+        let rows = io::table::read(&study.path("run").join("probe_joint.csv")).unwrap();
+        rows.column("pressure").unwrap().to_vec()
+    };
+    let [one, three] = [1, 3].map(pressure);
+    let largest = |list: &[f64]| list.iter().fold(0.0_f64, |most, p| most.max(p.abs()));
+    let differences: Vec<f64> = one.iter().zip(&three).map(|(a, b)| a - b).collect();
+    let [size, difference] = [&one, &differences].map(|list| largest(list));
+    println!("largest pressure {size} Pa, largest difference {difference} Pa");
+    assert_eq!(one.len(), three.len());
+    assert!(size > 20.0 && difference < 0.05 * size);
+}
+
 fn problems(case: &Value) -> Vec<Problem> {
     let read = Document::read(&case.to_string(), &[], Path::new("."));
     match read.and_then(Plan::prepare) {
@@ -241,10 +316,39 @@ fn problems(case: &Value) -> Vec<Problem> {
 
 #[test]
 fn wrong_joints_under_a_lattice_are_refused_with_one_finding_each() {
-    let good = pools(&pressures(60.0, 20.0));
+    let good = with_steps(pools(&pressures(60.0, 20.0)), 1);
     assert!(problems(&good).is_empty(), "{:#?}", problems(&good));
     let water = "/fluid/lattice_boltzmann";
+    let steps = "fluid.lattice_boltzmann.joints.lattice_steps";
+    // A wave needs twelve steps along the longest joint.
+    for (case, severity, reason) in [
+        (with_steps(flush(), 2), Severity::Error, "1 block can move"),
+        (held(13), Severity::Warning, "m, in 12.0"),
+    ] {
+        let found = problems(&case);
+        assert_eq!(found.len(), 1, "{found:#?}");
+        let problem = &found[0];
+        assert!(
+            problem.path == steps && problem.reason.contains(reason),
+            "{found:#?}"
+        );
+        assert_eq!(problem.severity, severity);
+    }
+    assert!(problems(&held(2)).is_empty());
+    // Relaxation times of 0.53 and 0.5294.
+    for (viscosity, number) in [(5e-3, 0), (4.9e-3, 1)] {
+        let mut case = held(2);
+        case["fluid"]["lattice_boltzmann"]["kinematic_viscosity"] = json!(viscosity);
+        let found = problems(&case);
+        let found: Vec<_> = found.iter().filter(|one| one.path == steps).collect();
+        assert_eq!(found.len(), number, "{found:#?}");
+        let unstable = |one: &&Problem| one.severity == Severity::Unstable;
+        assert!(found.iter().all(unstable), "{found:#?}");
+        case = with_steps(case, 1);
+        assert!(problems(&case).iter().all(|one| one.path != steps));
+    }
     let wrong = [
+        (format!("{water}/joints/lattice_steps"), json!(17), steps),
         (
             format!("{water}/joints/largest_aperture"),
             json!(0.05),

@@ -312,6 +312,7 @@ fn all_water(water: &solver::coupling::water::Water<Volume, f64>) -> f64 {
     let balance = joints.balance();
     for part in [
         joints.flow().stored(),
+        joints.on_its_way(),
         balance.released,
         -balance.opened,
         -balance.into_rock,

@@ -498,7 +498,7 @@ fn gather<S: Space>(
 pub fn most_numbers(movers: usize, nodes: usize, links: usize, inertia: bool) -> usize {
     let modes = if inertia { joints::slot::MODES } else { 0 };
     let network = super::numbers(2 * nodes + links * (1 + modes)) + PAIR * links;
-    // The gaps of the channels, then the matrix of the factors: nodes, links, and each cell with the six freedoms of two blocks.
+    // Gaps of the channels, and the matrix of the factors: nodes, links, each cell with the freedoms of two blocks.
     let network = network + 3 * links + 13 * nodes + links + 9 * movers + 1;
     GROWTH * (network + SAVED_NUMBERS * movers + 1)
 }

@@ -31,17 +31,10 @@ impl JointWater {
         network.open.iter().map(mouth).collect()
     }
 
-    /// Returns the indices of mouths and the volume of water that left each of them in the last step, at the density of
-    /// atmospheric pressure \[m³\]. The indices are those of the pressures of that step.
+    /// Returns the time step of the lattice \[s\].
     #[must_use]
-    pub fn returned(&self) -> &[(usize, f64)] {
-        &self.returned
-    }
-
-    /// Returns the time step \[s\].
-    #[must_use]
-    pub fn interval(&self) -> f64 {
-        self.interval
+    pub fn lattice_step(&self) -> f64 {
+        self.interval / real(self.lattice_steps())
     }
 
     /// Returns the id of a block of the network.
@@ -78,24 +71,34 @@ impl JointWater {
         }
     }
 
-    /// Records the water that returns to the lattice.
+    /// Records the water that returns to the lattice. What an earlier step left at mouths that have closed waits there.
     pub(super) fn note_returned(&mut self) {
         let fronts = self.mouths.fronts.iter().flatten();
         let all = self.flow.passed().iter().zip(fronts).enumerate();
         let open = all.filter(|(_, (_, front))| front.is_some());
-        self.returned = open.map(|(mouth, (passed, _))| (mouth, *passed)).collect();
+        let passed = open.map(|(mouth, (passed, _))| (mouth, *passed)).collect();
+        for (mouth, volume) in std::mem::replace(&mut self.returned, passed) {
+            if volume == 0.0 {
+                continue;
+            }
+            match self.returned.binary_search_by_key(&mouth, |one| one.0) {
+                Ok(at) => self.returned[at].1 += volume,
+                Err(at) => self.returned.insert(at, (mouth, volume)),
+            }
+        }
     }
 
     /// Returns the water of vanished overlaps \[m³\] to the lattice, in equal parts through all mouths; without a mouth
     /// or a lattice it leaves the network.
     pub(super) fn release(&mut self, water: f64) {
-        let mouths = self.returned.len();
-        if self.mouths.fronts.is_none() || mouths == 0 {
+        let mut open: Vec<usize> = (0..self.returned.len()).collect();
+        open.retain(|at| self.window.is_open(self.returned[*at].0));
+        if self.mouths.fronts.is_none() || open.is_empty() {
             self.balance.released += water;
             return;
         }
-        for (_, volume) in &mut self.returned {
-            *volume += water / real(mouths);
+        for &at in &open {
+            self.returned[at].1 += water / real(open.len());
         }
         self.balance.entered -= water;
     }
@@ -106,15 +109,14 @@ impl JointWater {
         1.0 - self.flow.settings().water.air
     }
 
-    /// Stores the pressures in front of the mouths \[Pa\] with their increase per discharge out of the joint
-    /// [Pa s/m³], and the loads of the lattice on all blocks. Collective.
+    /// Adds the pressures in front of the mouths \[Pa\] with their increase per discharge out of the joint [Pa s/m³],
+    /// and the loads of the lattice on all blocks, in a step of the lattice. Collective.
     pub fn meet_lattice<S: Space>(
         &mut self,
         (fronts, resistances): (Vec<Option<f64>>, Vec<f64>),
         particles: &Particles<S>,
         domain: &Domain,
     ) {
-        self.mouths.fronts = Some(fronts);
         self.mouths.resistances = resistances;
         let mut bytes = Vec::new();
         for k in 0..particles.owned() {
@@ -126,9 +128,7 @@ impl JointWater {
                 bytes.extend(number.to_le_bytes());
             }
         }
-        self.of_lattice.clear();
-        self.of_lattice
-            .resize(self.solids.len(), [Vector3::zeros(); 2]);
+        let mut loads = vec![[Vector3::zeros(); 2]; self.solids.len()];
         for message in domain.communicator().all_gather_bytes(&bytes) {
             for row in message.chunks_exact(8 * NUMBERS) {
                 let word = |at: usize| {
@@ -138,7 +138,7 @@ impl JointWater {
                 };
                 let number = u64::from_le_bytes(word(0)).checked_sub(self.first);
                 let number = number.and_then(|number| usize::try_from(number).ok());
-                let Some(load) = number.and_then(|number| self.of_lattice.get_mut(number)) else {
+                let Some(load) = number.and_then(|number| loads.get_mut(number)) else {
                     continue;
                 };
                 for axis in 0..3 {
@@ -146,6 +146,10 @@ impl JointWater {
                     load[1][axis] = f64::from_le_bytes(word(4 + axis));
                 }
             }
+        }
+        if let Some((fronts, loads)) = self.window.add(fronts, loads) {
+            self.mouths.fronts = Some(fronts);
+            self.of_lattice = loads;
         }
     }
 }

@@ -188,7 +188,7 @@ impl<Sp: Space, S: Stored> Jointed<Sp, S> {
                 }
             }
         }
-        let each = self.joints.interval() * self.joints.density_ratio() / units.spacing.powi(3);
+        let each = self.joints.lattice_step() * self.joints.density_ratio() / units.spacing.powi(3);
         let all = links.sums.iter().zip(&mut links.totals);
         all.map(|(sums, total)| {
             let [weight, squares, pressure] = sums.map(from_quanta);
@@ -204,13 +204,14 @@ impl<Sp: Space, S: Stored> Jointed<Sp, S> {
         .unzip()
     }
 
-    /// Adds the water that left the joints in the last step to the lattice.
+    /// Adds the water from the last step of the joints that returns in this step of the lattice.
     pub(super) fn return_water(&mut self) {
-        if self.joints.returned().is_empty() {
+        let returning = self.joints.take_returning();
+        if returning.is_empty() {
             return;
         }
         let mut volumes = vec![0.0; self.links.totals.len()];
-        for &(mouth, volume) in self.joints.returned() {
+        for (mouth, volume) in returning {
             volumes[mouth] += volume;
         }
         let ratio = self.joints.density_ratio() / self.lattice.units().spacing.powi(3);

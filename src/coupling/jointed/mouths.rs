@@ -268,7 +268,7 @@ impl<Sp: Space, S: Stored> Jointed<Sp, S> {
         let outflows = self.joints.flow().outflows();
         cells.volumes.fill(0.0);
         for &mouth in wide {
-            let volume = outflows[mouth] * self.joints.interval();
+            let volume = outflows[mouth] * self.joints.lattice_step();
             for cell in &cells.list[cells.cells_of(mouth)] {
                 cells.volumes[cell.index] += cell.part * volume;
             }

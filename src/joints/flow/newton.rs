@@ -4,7 +4,7 @@
 //! change of the matrix (chord method: C. T. Kelley, Iterative Methods for Linear and Nonlinear Equations, 1995,
 //! section 5.4.1). It costs a solution instead of a factorisation. The factors are kept, also for the next step, as
 //! long as each iteration leaves at most [`KEPT`] of the imbalance; a stage that begins with factors that are too old
-//! begins again with new ones. Factors that leave more than a stage may also leave cost iterations: they are renewed when
+//! begins again with new ones. Factors that leave more than the error of a stage cost iterations: they are renewed when
 //! these have cost as much as a factorisation. The matrix of the factors belongs to the state: a restart computes the
 //! same factors from it.
 //!

@@ -1,8 +1,8 @@
 //! Gaps, volumes and channels of a network as its blocks move. Joints between blocks that do not move are left as they
 //! are.
 //!
-//! Volumes and gaps follow every motion, the channels of the links one that exceeds the part [`FOLLOWED`] of the aperture:
-//! the discharge is off by at most three times this part.
+//! Volumes and gaps follow every motion, the channels of the links one that exceeds the part [`FOLLOWED`] of the
+//! aperture: the discharge is off by at most three times this part.
 
 use super::{CellSize, GAP, JointFlow, Storage, Walls};
 use crate::cells::Cell;

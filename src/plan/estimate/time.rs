@@ -309,7 +309,8 @@ impl Seconds {
             let [links, moving] = amounts.joint_links;
             let entry = JOINT_ENTRY[usize::from(joints.movers > 0)];
             let step = links * link + moving * MOVING_LINK + amounts.joint_entries * entry;
-            all.joints = steps * step / machine.grains;
+            let made = steps / f64::from(joints.lattice_steps);
+            all.joints = made * step / machine.grains;
         }
         if amounts.moving() > 0.0 {
             let [round, block] = parts.solid;

@@ -27,6 +27,8 @@ use serde_json::json;
 /// Path of the water in joints without a lattice, and under one.
 const JOINTS_PATH: &str = "fluid.joints";
 const LATTICE_JOINTS_PATH: &str = "fluid.lattice_boltzmann.joints";
+/// Path of the number of steps of a lattice in a step of the joints.
+const STEPS_PATH: &str = "fluid.lattice_boltzmann.joints.lattice_steps";
 /// Maximum number of cells: every rank stores and solves all of them.
 const MAX_CELLS: f64 = 2e5;
 
@@ -49,6 +51,8 @@ pub struct JointScene {
     pub gravity_acts: [bool; 3],
     /// `true` if the mouths are cells of a lattice.
     pub under_lattice: bool,
+    /// Number of steps of the lattice in a step of the joints; 1 without a lattice.
+    pub lattice_steps: u32,
     /// Number of joints that the lattice computes.
     pub joints_of_lattice: usize,
     /// Largest aperture of a joint of the network \[m\]; negative if the method has no network.
@@ -79,6 +83,8 @@ pub struct Counts {
     pub junctions: usize,
     /// Number of links.
     pub links: usize,
+    /// Number of open pieces of edges.
+    pub mouths: usize,
 }
 
 /// Mouth of the joints.
@@ -149,12 +155,14 @@ impl JointScene {
         flow: Option<&Flow>,
         findings: &mut Findings,
     ) -> Option<Self> {
+        let mut lattice_steps = 1;
         let (written, path) = match &case.fluid {
             Some(Fluid::Joints(written)) => (written.clone(), JOINTS_PATH),
             Some(Fluid::LatticeBoltzmann(water)) => {
                 let joints = water.joints.as_ref()?;
                 let step = flow.map_or(1.0, |flow| flow.time_step);
                 let water = [water.density, water.kinematic_viscosity];
+                lattice_steps = joints.lattice_steps.max(1);
                 (joints.network(water, step), LATTICE_JOINTS_PATH)
             }
             _ => return None,
@@ -181,6 +189,7 @@ impl JointScene {
         let movers = blocks.number - blocks.fixed;
         if movers > 0 {
             refuse_for_motion(case, contact, findings);
+            refuse_steps_with_movers(lattice_steps, movers, findings);
         }
         if !thin_enough(written, path, blocks, findings) {
             return None;
@@ -194,6 +203,7 @@ impl JointScene {
             longest: 0.0,
             gravity_acts: flow.map_or([true; 3], |flow| flow.gravity_acts),
             under_lattice,
+            lattice_steps,
             joints_of_lattice: methods.as_ref().map_or(0, |methods| methods.lattice.joints),
             limit: methods
                 .as_ref()
@@ -237,6 +247,7 @@ impl JointScene {
             cells: network.cells.len(),
             junctions: network.junctions.len(),
             links: network.links.len(),
+            mouths: network.open.len(),
         };
         for joint in &network.joints {
             let [low, high] = &mut self.apertures;
@@ -410,6 +421,22 @@ fn refuse_for_motion(case: &Case, contact: Option<&ContactTable>, findings: &mut
         };
         findings.error(path, reason, Remedy::take_out("remove it", path));
     }
+}
+
+/// Refuses several steps of the lattice in a step of the joints if this number of blocks can move.
+fn refuse_steps_with_movers(lattice_steps: u32, movers: usize, findings: &mut Findings) {
+    if lattice_steps <= 1 || movers == 0 {
+        return;
+    }
+    let blocks = if movers == 1 { "block" } else { "blocks" };
+    findings.error(
+        STEPS_PATH,
+        format!(
+            "{movers} {blocks} can move, and several lattice steps in a step of the joints make such blocks unstable: \
+             only 1 is allowed"
+        ),
+        Remedy::from("use 1, or let `blocks.fixed` contain all blocks".to_owned()).set(STEPS_PATH, 1),
+    );
 }
 
 /// Checks pressures and densities of the water.
