@@ -31,12 +31,12 @@
 //! nothing.
 //!
 //! **Stability.** A network that is driven by the pressure before the water enters gives less energy than the lattice
-//! receives: the difference acts as a negative resistance, which friction exceeds in narrow joints alone. At mouths
-//! with links the pressure includes the water of the step, implicitly (`mouth_links`). At cells in front of a wide
-//! mouth it has half of the increase by the discharge of the end of the last step; the change of the discharge in a
-//! step remains. It reduces the inertia of the water between a mouth and the first point of the joint, half a cell
-//! `l` of the joint, by a quarter of `h/(3 l)` with cells `h` of the lattice. Cells of the joint of at least `h` keep
-//! it positive.
+//! receives: the difference acts as a negative resistance, `rho/(6 h dt)` at a mouth of one cell `h` with steps `dt`,
+//! which friction exceeds in narrow joints alone. At mouths with links, and at those of joints of up to half a cell,
+//! the pressure therefore includes half of the water of the step, implicitly (`mouth_links`, `mouths`). At cells in
+//! front of a wide mouth it has half of the increase by the discharge of the end of the last step; the change of the
+//! discharge in a step remains. It reduces the inertia of the water between a mouth and the first point of the joint,
+//! half a cell `l` of the joint, by a quarter of `h/(3 l)`. Cells of the joint of at least `h` keep it positive.
 //!
 //! **Several steps.** The joints may make one step in several of the lattice: the means of pressures and loads drive
 //! it, and its water returns evenly (`window` of [`crate::joint_water`]). Water on its way belongs to neither.

@@ -102,6 +102,54 @@ fn the_joint_between_two_pools_has_a_linear_pressure_and_lifts_its_block() {
     assert!(joints["mass_error"].as_f64().unwrap().abs() < 1e-10);
 }
 
+/// Runs pools of thin liquids: friction of their joints is below the increase of the pressure of a cell of the lattice
+/// by the discharge of a step, divided by the discharge.
+#[test]
+fn joints_of_up_to_half_a_cell_with_little_friction_are_stable() {
+    let _beside = beside_others();
+    let (left, right) = (60.0, 20.0);
+    for (gap, cell, viscosity) in [
+        (0.002, 0.01, 1e-5),
+        (0.0045, 0.005, 1e-4),
+        (0.005, 0.01, 1e-4),
+    ] {
+        let mut case = pools(&pressures(left, right));
+        let half = 0.5 * gap;
+        let list = &mut case["blocks"]["initial"]["list"];
+        list[0]["shape"]["cuboid"]["edges"][2] = json!(0.04 - half);
+        list[0]["position"][2] = json!(0.02 - 0.5 * half);
+        list[1]["shape"]["cuboid"]["edges"][2] = json!(0.05 - half);
+        list[1]["position"][2] = json!(0.065 + 0.5 * half);
+        let water = &mut case["fluid"]["lattice_boltzmann"];
+        water["kinematic_viscosity"] = json!(viscosity);
+        water["joints"]["largest_aperture"] = json!(0.0051);
+        water["joints"]["cell"] = json!(cell);
+        let study = Study::new(&case.to_string());
+        study.run("run", 1, 2, &[]);
+        let read = |name: &str| {
+            let path = study.path("run").join(format!("probe_{name}.csv"));
+            io::table::read(&path).unwrap()
+        };
+        // The middles of the first and the last cell of the joint.
+        let part = 0.5 * cell / LENGTH;
+        for (name, part) in [("left", part), ("right", 1.0 - part)] {
+            let (found, exact) = (late(&read(name), "pressure"), left + (right - left) * part);
+            println!("{gap} m, {name}: {found} Pa, exact {exact} Pa");
+            assert!((found - exact).abs() < 0.05 * (left - right));
+        }
+        let joints = &study.summary("run")["joints"];
+        // A step of the pressure of a boundary is reflected once: at most twice the pressure.
+        assert!(
+            joints["largest_pressure"].as_f64().unwrap() < 2.0 * left,
+            "{joints}"
+        );
+        assert!(
+            joints["mass_error"].as_f64().unwrap().abs() < 1e-10,
+            "{joints}"
+        );
+    }
+}
+
 /// Returns a case in which the joints make one step in this number of steps of the lattice.
 fn with_steps(mut case: Value, lattice_steps: u32) -> Value {
     case["fluid"]["lattice_boltzmann"]["joints"]["lattice_steps"] = json!(lattice_steps);

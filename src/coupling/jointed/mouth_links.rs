@@ -145,8 +145,8 @@ impl<Sp: Space, S: Stored> Jointed<Sp, S> {
     pub(super) fn fronts(&mut self, domain: &Domain) -> (Vec<Option<f64>>, Vec<f64>) {
         self.find_mouth_cells();
         self.find_mouth_links();
-        let (mut fronts, resistances) = self.front_links(domain);
-        self.front_cells(&mut fronts, domain);
+        let (mut fronts, mut resistances) = self.front_links(domain);
+        self.front_cells(&mut fronts, &mut resistances, domain);
         (fronts, resistances)
     }
 

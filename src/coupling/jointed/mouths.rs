@@ -209,8 +209,14 @@ impl<Sp: Space, S: Stored> Jointed<Sp, S> {
         self.cells = cells;
     }
 
-    /// Finds the mean pressures of the cells of water in front of the mouths that have none yet \[Pa\]. Collective.
-    pub(super) fn front_cells(&mut self, fronts: &mut [Option<f64>], domain: &Domain) {
+    /// Finds the mean pressures of the cells of water in front of the mouths that have none yet \[Pa\], and their
+    /// increase per discharge out of the joint [Pa s/m³]. Collective.
+    pub(super) fn front_cells(
+        &mut self,
+        fronts: &mut [Option<f64>],
+        resistances: &mut [f64],
+        domain: &Domain,
+    ) {
         if fronts.iter().all(Option::is_some) {
             for cell in &mut self.cells.list {
                 cell.part = 0.0;
@@ -256,6 +262,32 @@ impl<Sp: Space, S: Stored> Jointed<Sp, S> {
             }
         }
         self.add_half_of_discharge(&wide, fronts);
+        self.add_resistances(resistances);
+    }
+
+    /// Adds half of the increase of the pressure by the present discharge, per discharge, at the mouths of narrow
+    /// joints. Mouths that share cells count as if all had the same discharge: then the network pays at least the
+    /// energy that the cells receive. A wide mouth counts the narrow ones with which it shares cells.
+    fn add_resistances(&mut self, resistances: &mut [f64]) {
+        let cells = &mut self.cells;
+        let [mut all, mut narrow] = [0, 1].map(|_| vec![0.0; cells.volumes.len()]);
+        for mouth in 0..cells.wide.len() {
+            for cell in &cells.list[cells.cells_of(mouth)] {
+                all[cell.index] += cell.part;
+                if !cells.wide[mouth] {
+                    narrow[cell.index] += cell.part;
+                }
+            }
+        }
+        let units = self.lattice.units();
+        let volume = self.joints.lattice_step() * self.joints.density_ratio();
+        let increase = units.density_deviation_to_pressure(volume / units.spacing.powi(3));
+        for (mouth, resistance) in resistances.iter_mut().enumerate() {
+            let shares = if cells.wide[mouth] { &narrow } else { &all };
+            let list = &cells.list[cells.cells_of(mouth)];
+            let sum: f64 = list.iter().map(|one| one.part * shares[one.index]).sum();
+            *resistance += 0.5 * increase * sum;
+        }
     }
 
     /// Adds half of the increase of the pressure by the last discharge to the pressures at these wide mouths.
