@@ -207,7 +207,7 @@ impl Plan {
             unsaturated.is_some_and(|one| one.transient.is_some())
         }) {
             why.push(
-                "test runs of unsaturated ground took 0.2 to 18 times as long, because the adaptive steps follow the \
+                "test runs of unsaturated ground took 0.4 to 3 times as long, because the adaptive steps follow the \
                  fronts"
                     .into(),
             );

@@ -109,13 +109,15 @@ const MAPPED: [f64; 2] = [5.5e-8, 1.2e-7];
 const EDDY_CELL_TIME: f64 = 4e-8;
 /// Time of a grain in a bonded bed, where most grains are stationary \[s\].
 const STATIONARY_GRAIN_TIME: f64 = 6e-10;
+/// Time to search all waves for one that grows with the operator of a flow \[s\], which the plan does before the run.
+const GROWING_WAVE: f64 = 0.094;
 /// Time of a guard check per population \[s\].
 const GUARD: f64 = 1.05e-9;
 /// Steps between two guard checks.
 const GUARD_EVERY: f64 = 100.0;
 /// Time of a solid step without its grains \[s\].
 const SOLID_STEP: f64 = 1.3e-7;
-/// Time of a disc and of a sphere in contact, in a solid step \[s\].
+/// Time of a disc and of a sphere in contact, in a solid step of a bed at rest \[s\].
 const GRAIN: [f64; 2] = [4.5e-8, 3.9e-8];
 /// Number of contacts per sphere, each of two spheres, in the beds of [`GRAIN`], and time of each more \[s\]. Discs
 /// of the densest packing cost no more than those of [`GRAIN`].
@@ -148,9 +150,11 @@ const JOINT_LINK: [f64; 2] = [7.6e-8, 3.5e-8];
 const MOVING_LINK: f64 = 2.5e-7;
 /// Time of an entry of the factors of a network of joints in a step, if all blocks are fixed, and if blocks move \[s\].
 const JOINT_ENTRY: [f64; 2] = [4.5e-9, 9e-9];
-/// Time of a cell of unsaturated ground in the first solution, and in a later one \[s\]. The number of adaptive steps
-/// in a later one follows the fronts: 22 runs took 0.2 to 18 times this (`jobs/plans/unsaturated.csv`).
-const UNSATURATED: [f64; 2] = [1.2e-4, 5e-6];
+/// Time of a cell of unsaturated ground in the first solution, in a later one of a steady flow, and in an adaptive step
+/// of a transient flow, which takes 8 to 10 Newton steps \[s\].
+const UNSATURATED: [f64; 3] = [1.2e-4, 5e-6, 4e-6];
+/// Ratio of all adaptive steps to those that need not be repeated, the median of ten runs.
+const REPEATED: f64 = 1.08;
 /// Time of an output without the bytes of its fields \[s\].
 const OUTPUT: f64 = 2.5e-3;
 /// Number of files and folders that an output synchronises to disk.
@@ -161,8 +165,10 @@ const CHECKPOINT_BYTE: f64 = 4.5e-9;
 const BYTE: f64 = 1e-8;
 /// Solid steps of a deposition divided by the steps of a fall from the top of its box.
 const SETTLING: f64 = 3.3;
-/// Cost of a deposition step with a bonding contact law, whose lists reach further, relative to one without bonds.
-const BONDED: f64 = 1.7;
+/// Cost of a step of grains that move past each other, relative to a bed at rest: contacts slide, all listed pairs are
+/// tested and not only the contacts, and the lists are made again every 10 to 30 steps. Depositions of bonded and of
+/// loose spheres, and the loose ones in a stream, took 1.7 to 1.8 times the time of a bed at rest.
+const IN_MOTION: f64 = 1.7;
 /// Solid steps of a growth until it is at rest.
 const GROWTH_STEPS: f64 = 1.8e4;
 
@@ -232,7 +238,11 @@ impl Parts {
             };
             all.mapped = [bed, MAPPED[usize::from(blocks > 0)]];
         }
-        let grain = GRAIN[three] + if bonds && three == 1 { BONDS } else { 0.0 };
+        let grain = match (three, bonds) {
+            (1, true) => GRAIN[1] + BONDS,
+            (1, false) if is_loose(scene) => IN_MOTION * GRAIN[1],
+            _ => GRAIN[three],
+        };
         let solid_steps = f64::from(clock.solid_steps_per_step);
         if scene.seepage.is_some() {
             all.porosity = SEEPAGE[2];
@@ -289,6 +299,10 @@ impl Seconds {
             let looks = steps / GUARD_EVERY + 2.0;
             all.guards = looks * checked * GUARD / machine.grains;
             all.start_and_end += populations * HASH / machine.grains;
+            let model = flow.collision.model();
+            if model.growing_wave(flow.relaxation_time).is_some() {
+                all.start_and_end += GROWING_WAVE / machine.grains;
+            }
         }
         if let Some(seepage) = &scene.seepage {
             let [once, cell, _] = SEEPAGE;
@@ -299,9 +313,18 @@ impl Seconds {
                 let each = once + amounts.seepage_cells * WITHDRAWAL;
                 all.seepage += (cells * each + EQUILIBRIA * cells.powi(4)) / machine.grains;
             }
-            if seepage.written.unsaturated.is_some() {
-                let [first, later] = UNSATURATED;
-                all.seepage += amounts.seepage_cells * (first + steps * later) / machine.grains;
+            if let Some(soil) = &seepage.written.unsaturated {
+                let [first, later, adaptive] = UNSATURATED;
+                let known = seepage.has_stored_start();
+                let begin = if known { 0.0 } else { first };
+                let advance = match &soil.transient {
+                    Some(flow) => {
+                        let steps = super::fronts::adaptive_steps(scene, seepage, flow, steps);
+                        REPEATED * steps * adaptive
+                    }
+                    None => steps * later,
+                };
+                all.seepage += amounts.seepage_cells * (begin + advance) / machine.grains;
             }
         }
         if let Some(joints) = &scene.joints {
@@ -327,14 +350,8 @@ impl Seconds {
                 / machine.grains;
         }
         if let Some(grains) = &scene.grains {
-            // Bonds are created after the preparation.
             let steps = prepared_in(scene, clock, &grains.source);
-            let bonds = scene
-                .contact
-                .as_ref()
-                .is_some_and(|table| table.model().bonds());
-            let listed = if bonds { BONDED } else { 1.0 };
-            all.preparation = amounts.prepared * GRAIN[three] * listed * steps / machine.grains;
+            all.preparation = amounts.prepared * GRAIN[three] * IN_MOTION * steps / machine.grains;
         }
         let output = &scene.output;
         let fields = output.fluid.as_ref().map_or(0.0, |o| {
@@ -372,6 +389,18 @@ fn times_written(scene: &Scene) -> f64 {
     1.0 + written
         .map(|every| outputs(every, scene.time.end))
         .sum::<f64>()
+}
+
+/// Returns `true` if a preparation places the grains, so that the run does not begin with an arrangement that the case
+/// states.
+fn is_loose(scene: &Scene) -> bool {
+    let source = scene.grains.as_ref().map(|grains| &grains.source);
+    source.is_some_and(|source| {
+        matches!(
+            source,
+            GrainSource::Growth { .. } | GrainSource::Deposition { .. }
+        )
+    })
 }
 
 /// Returns the number of solid steps of a preparation.
