@@ -1,9 +1,10 @@
 //! Number of adaptive steps of transient unsaturated ground.
 //!
 //! An interval between two outputs has a whole number of steps, half a step more on average than they need; the first
-//! step is a thousandth of an interval, and a step is at most twice the one before. Otherwise its error decides: with the second-order method of the seepage the error of the
-//! content of a cell is g (1 - g) dt² θ'', with g = 1 - 1/√2. A cell that a front passes within the time τ changes its
-//! content by Δθ along half a cosine, so that θ'' = π²/2 Δθ/τ², and the front needs
+//! step is a thousandth of an interval, and a step is at most twice the one before. Otherwise its error decides: with
+//! the second-order method of the seepage the error of the content of a cell is g (1 - g) dt² θ'', with g = 1 - 1/√2. A
+//! cell that a front passes within the time τ changes its content by Δθ along half a cosine, so that θ'' = π²/2 Δθ/τ²,
+//! and the front needs
 //!
 //! ```text
 //! n = [g (1 - g) π²/2 Δθ/ε]^½ / 0.9
@@ -20,7 +21,7 @@
 //! inclined by ΔH/L, and a cell of height h_z is passed while it moves by L h_z/ΔH. With w = h + b L, b the sum of
 //! both, the path has ln(1 + b L/h)/b widths.
 //!
-//! Where several fronts move, the one with most steps counts. Layers, and steps that fail, are left out.
+//! Where several fronts move, the one with most steps counts. The largest conductivity of all zones stands for layers.
 
 use crate::scene::Scene;
 use crate::scene::seepage::{Seepage, SeepagePatch};
@@ -35,7 +36,7 @@ const FIRST_STEPS: f64 = 10.0;
 const CURVATURE: f64 = 1.022;
 /// Ratio of a step to that with the stated error.
 const SAFETY: f64 = 0.9;
-/// Width of a front in unsaturated ground relative to its path.
+/// Width of a front in unsaturated ground relative to its path, chosen by the steps of the example `infiltration`.
 const WIDTH: f64 = 0.3;
 /// Number of parts of an integral over the pressure head.
 const PARTS: usize = 200;
@@ -74,7 +75,7 @@ pub(super) fn adaptive_steps(
 struct Change {
     /// Pressure heads before and after \[m\].
     heads: [f64; 2],
-    /// Change of the water table beside the ground \[m\]; none for other changes.
+    /// Change of the water table in front of the ground \[m\]; none for other changes.
     table: Option<f64>,
     /// Stated inflow \[m/s\]; none where the pressure is stated.
     inflow: Option<f64>,
