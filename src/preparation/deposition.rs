@@ -3,10 +3,11 @@
 //! Sizes follow a [`Grading`]. Random sequential addition, the largest grain first, places the cloud in a box above
 //! the walls, outside structures and their closed hollows ([`super::free_space`]). Grains count as settled if their
 //! mean kinetic energy is a small fraction of m g d and the mean resultant on a grain is a small fraction of the mean
-//! contact force. Contacts may be softer while the grains fall, which allows longer time steps; the stiffness
-//! increases to that of the case in factors of ten, with a relaxation after each. Grains above the level are
-//! removed last, and the remaining ones settle once more. The deposition runs on one rank and depends on the seed
-//! only. Sizes and places come from counter-based random numbers: [`base::random`].
+//! contact force; or if no force is left that could change their motion, because a sphere that spins about the normal
+//! of its only contact has no resistance. Contacts may be softer while the grains fall, which allows longer time
+//! steps; the stiffness increases to that of the case in factors of ten, with a relaxation after each. Grains above
+//! the level are removed last, and the remaining ones settle once more. The deposition runs on one rank and depends
+//! on the seed only. Sizes and places come from counter-based random numbers: [`base::random`].
 
 use serde::{Deserialize, Serialize};
 
@@ -22,6 +23,9 @@ use dem::{
     alone,
 };
 use plan::scene::grading::Grading;
+
+/// Part of the limit of the unbalanced force below which no force changes the motion of a grain.
+const UNDRIVEN: f64 = 1e-3;
 
 /// Cloud of grains that falls from a box.
 #[derive(Clone, Debug)]
@@ -124,6 +128,13 @@ const LANDED: f64 = 0.1;
 const CHECK_EVERY: u64 = 500;
 
 impl<S: Space> Deposition<S> {
+    /// Returns `true` if the grains of a state have settled.
+    fn holds_at_rest(&self, now: &SettlingCheck) -> bool {
+        let still = now.kinetic_energy <= self.kinetic_energy;
+        let undriven = now.unbalanced <= UNDRIVEN * self.unbalanced;
+        undriven || (still && now.unbalanced <= self.unbalanced)
+    }
+
     /// Runs the deposition. Returns centres and radii \[m\], ordered along a space-filling curve.
     ///
     /// # Errors
@@ -481,8 +492,7 @@ impl<'a, S: Space> Falling<'a, S> {
             }
             let (dem, particles) = (&mut self.dem, &self.particles);
             let now = deposition.check(dem, particles, self.progress.began);
-            let settled = now.kinetic_energy <= deposition.kinetic_energy
-                && now.unbalanced <= deposition.unbalanced;
+            let settled = deposition.holds_at_rest(&now);
             let report = &mut self.progress.report;
             report.convergence.push(now);
             self.supervision.report(|| {
@@ -588,6 +598,24 @@ mod tests {
             limit: 60_000,
             step_ratio: 0.2,
         }
+    }
+
+    /// Checks that a bed in which one sphere spins without resistance has settled, and one in motion has not.
+    #[test]
+    fn spins_that_nothing_resists_do_not_keep_a_bed_from_settling() {
+        let looks = |kinetic_energy, unbalanced| {
+            let now = SettlingCheck {
+                kinetic_energy,
+                unbalanced,
+                ..SettlingCheck::default()
+            };
+            small().holds_at_rest(&now)
+        };
+        let limits = small();
+        assert!(looks(1.1 * limits.kinetic_energy, 1e-9));
+        assert!(!looks(1.1 * limits.kinetic_energy, 0.1 * limits.unbalanced));
+        assert!(looks(0.9 * limits.kinetic_energy, 0.1 * limits.unbalanced));
+        assert!(!looks(0.9 * limits.kinetic_energy, 1.1 * limits.unbalanced));
     }
 
     #[test]
