@@ -20,8 +20,8 @@
 //!
 //! There is one array per population, with the split axis slowest, the longer of the other axes innermost (below a
 //! free surface a horizontal one), and one ghost cell on every side. Rows are padded to 64 bytes but not to 4 KiB, and
-//! the arrays are staggered, because array distances of 0 modulo 4096 bytes cost a third of the speed. Memory comes from
-//! `mmap` with huge pages advised before the first access.
+//! the arrays are staggered, because array distances of 0 modulo 4096 bytes cost a third of the speed. Memory comes
+//! from `mmap` with huge pages advised before the first access.
 //!
 //! The address of an array is the sum of two parts, one of c_x and one of (c_y, c_z). After either pass the numbers
 //! that a cell reads and writes therefore lie at nine addresses and two distances from them, which fit into the

@@ -170,8 +170,8 @@ fn run_into_each_other(
             findings.unstable(
                 &format!("bodies[{n}].motion.driven.velocity"),
                 format!(
-                    "the driven bodies `{}` (bodies[{m}]) and `{}` run into each other at {} s: neither gives way, and the \
-                     water between them is pressed together without bound",
+                    "the driven bodies `{}` (bodies[{m}]) and `{}` run into each other at {} s: neither gives way, \
+                     and the water between them is pressed together without bound",
                     one.name,
                     two.name,
                     number(from + part)
@@ -223,7 +223,7 @@ mod tests {
     }
 
     /// Returns the number of findings at a path.
-    fn of(case: &Value, path: &str) -> usize {
+    fn found_at(case: &Value, path: &str) -> usize {
         let document = Document::read(&case.to_string(), &[], std::path::Path::new(".")).unwrap();
         let plan = Plan::prepare(document).unwrap();
         let all = plan.warnings.iter();
@@ -232,7 +232,7 @@ mod tests {
 
     fn findings(motion: &Value, height: f64, faces: &Value) -> usize {
         let case = case(motion, height, faces);
-        of(&case, "bodies[0].motion.driven.velocity")
+        found_at(&case, "bodies[0].motion.driven.velocity")
     }
 
     #[test]
@@ -251,10 +251,10 @@ mod tests {
         // Up and down again.
         let back = json!({"driven": {"velocity": [0, 0.1], "history": [[0, 2], [0.03, 2], [0.03, -2], [0.06, -2]]}});
         assert_eq!(findings(&back, 0.0075, &closed), 1);
-        // An opening beside its path does not let it out.
-        let beside = json!([{"name": "lid", "face": "y_max", "condition": {"pressure": {"value": 0}},
+        // An opening that its path misses does not let it out.
+        let misses = json!([{"name": "lid", "face": "y_max", "condition": {"pressure": {"value": 0}},
                              "patch": {"from": [0.001, 0.0125], "to": [0.003, 0.0125]}}]);
-        assert_eq!(findings(&up, 0.0075, &beside), 1);
+        assert_eq!(findings(&up, 0.0075, &misses), 1);
         // It ends more than one height above the domain.
         let far = json!({"driven": {"velocity": [0, 0.4]}});
         assert_eq!(findings(&far, 0.0075, &opens), 1);
@@ -266,8 +266,8 @@ mod tests {
         second["motion"]["driven"]["velocity"] = json!([0, -0.02]);
         down["bodies"].as_array_mut().unwrap().push(second.clone());
         down["domain"]["periodic"] = json!([]);
-        assert_eq!(of(&down, "bodies[1].motion.driven.velocity"), 1);
+        assert_eq!(found_at(&down, "bodies[1].motion.driven.velocity"), 1);
         down["bodies"][1]["motion"]["driven"]["velocity"] = json!([0, 0.02]);
-        assert_eq!(of(&down, "bodies[1].motion.driven.velocity"), 0);
+        assert_eq!(found_at(&down, "bodies[1].motion.driven.velocity"), 0);
     }
 }

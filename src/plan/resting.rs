@@ -110,7 +110,8 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
             format!(
                 "the dashpots of the normal springs have {} of critical damping, and bodies of less than {LIGHT} times \
                  the density of the water oscillate against these springs with w dt = {}: in partially saturated cells \
-                 such discs bounced on the floor at up to 2 mm/s, and lay still with a damping ratio of {DAMPED_NORMAL}",
+                 such discs bounced on the floor at up to 2 mm/s, and lay still with a damping ratio of \
+                 {DAMPED_NORMAL}",
                 number(damping),
                 number(w * step)
             ),
@@ -127,11 +128,11 @@ mod tests {
 
     /// Returns the number of warnings about shear dashpots of a disc on a floor, with this contact law and coupling.
     fn warnings(law: &serde_json::Value, coupling: &serde_json::Value) -> usize {
-        of("shear", 1500.0, law, coupling)
+        warnings_of("shear", 1500.0, law, coupling)
     }
 
     /// Returns the number of warnings about normal or shear dashpots of a disc of some density on a floor.
-    fn of(
+    fn warnings_of(
         kind: &str,
         density: f64,
         law: &serde_json::Value,
@@ -180,8 +181,8 @@ mod tests {
         assert_eq!(warnings(&law(0.05, 1e3), &cells), 0);
         assert_eq!(warnings(&stated(0.0), &json!({"bounce_back": {}})), 0);
         // Bodies little heavier than the water bounce with the normal dashpots that hold heavier ones.
-        assert_eq!(of("normal", 1200.0, &law(0.2, 2e5), &cells), 1);
-        assert_eq!(of("normal", 1200.0, &law(0.3, 2e5), &cells), 0);
-        assert_eq!(of("normal", 2600.0, &law(0.2, 4e5), &cells), 0);
+        assert_eq!(warnings_of("normal", 1200.0, &law(0.2, 2e5), &cells), 1);
+        assert_eq!(warnings_of("normal", 1200.0, &law(0.3, 2e5), &cells), 0);
+        assert_eq!(warnings_of("normal", 2600.0, &law(0.2, 4e5), &cells), 0);
     }
 }
