@@ -21,7 +21,7 @@
 //! inclined by ΔH/L, and a cell of height h_z is passed while it moves by L h_z/ΔH. With w = h + b L, b the sum of
 //! both, the path has ln(1 + b L/h)/b widths.
 //!
-//! Where several fronts move, the one with most steps counts. The largest conductivity of all zones stands for layers.
+//! **Several fronts.** The one with most steps counts. The largest conductivity of all zones stands for layers.
 
 use crate::scene::Scene;
 use crate::scene::seepage::{Seepage, SeepagePatch};
