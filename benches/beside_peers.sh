@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # The benches of record: the solver and its peers by turns on the same cores in the same minutes, ratios against the bars.
 #
-#   bash benches/beside_peers.sh [OPTIONS] [P-1 … P-13]     all thirteen without a name
+#   bash benches/beside_peers.sh [OPTIONS] [P-1 … P-14]     all fourteen without a name
 #
 #   --pairs N      runs of each; default 3, which is the least of a record
 #   --build        build solver and benches first (cargo, some minutes); else what is under target/release is used
@@ -14,7 +14,8 @@
 #
 # Writes P-1.csv … and summary.svg; benches/README.md says what each row means and how to read it. Environment: SOLVER,
 # BLOCKS_BENCH, DEM_BENCH, DARCY_BENCH (binaries), PEERS_VENV (a Python environment with lbmpy and FiPy), CORES (default 0,1: the first
-# alone for rows of one core).
+# alone for rows of one core). waLBerla is in no distribution: WALBERLA_GRAVITY_WAVE, WALBERLA_GRAVITY_WAVE_3D (P-14) and
+# WALBERLA_FLUIDIZED_BED (P-6) name its binaries as benches/peers/walberla.py describes them; without them these lines are left out.
 #
 # Ends with 0 when every row was measured, whether or not it meets its bar; 1 when one could not be.
 set -euo pipefail
@@ -49,12 +50,12 @@ while [ $# -gt 0 ]; do
     --busy-ok) busy_ok=1 ;;
     --avx2) avx2=1 ;;
     --quick) quick=1 ;;
-    P-[1-9] | P-1[0-3]) rows+=("$1") ;;
+    P-[1-9] | P-1[0-4]) rows+=("$1") ;;
     *) usage ;;
   esac
   shift
 done
-[ "${#rows[@]}" -gt 0 ] || rows=(P-1 P-2 P-3 P-4 P-5 P-6 P-7 P-8 P-9 P-10 P-11 P-12 P-13)
+[ "${#rows[@]}" -gt 0 ] || rows=(P-1 P-2 P-3 P-4 P-5 P-6 P-7 P-8 P-9 P-10 P-11 P-12 P-13 P-14)
 case $pairs in
   '' | *[!0-9]* | 0) usage ;;
 esac
@@ -365,8 +366,20 @@ p6_ours() {
   ours=$(summary wet_spheres mlups)
 }
 p6_lbmpy() { kernel=$(lbmpy_3d --method srt); }
+# With waLBerla's own binary: the same spheres in its D3Q19 with one rate, and in ours.
+p6_alike() {
+  run_solver wet_alike 1 1 "$here/cases/spheres_in_water.json" --set "grains.initial.file.path=$work/spheres.csv" "${wet[@]}" \
+    --set fluid.lattice_boltzmann.lattice=d3q19 --set 'fluid.lattice_boltzmann.collision={"bgk": {}}'
+  alike=$(summary wet_alike mlups)
+}
+p6_walberla() {
+  local steps=60
+  [ "$quick" -eq 0 ] || steps=10
+  peer=$(limited python3 "$here/peers/walberla.py" spheres "$WALBERLA_FLUIDIZED_BED" --steps "$steps" --core "$core" | field mlups)
+}
 row_P6() {
-  local pair ours kernel wet=()
+  local pair ours kernel alike peer wet=() others=(p6_lbmpy)
+  [ -z "${WALBERLA_FLUIDIZED_BED:-}" ] || others=(p6_alike p6_walberla)
   [ "$quick" -eq 0 ] || wet=(--set time.end=5e-4)
   awk 'BEGIN {
     srand(1); print "x,y,z,radius"
@@ -375,9 +388,15 @@ row_P6() {
       printf "%.9g,%.9g,%.9g,0.0008\n", q[0], q[1], q[2]
     } }' >"$work/spheres.csv"
   for ((pair = 1; pair <= pairs; pair++)); do
-    by_turns "$pair" p6_ours p6_lbmpy
-    record P-6 "343 moving spheres, D3Q27 MRT, partially saturated cells, whole step" MLUPS "$ours" "$(awk -v k="$kernel" 'BEGIN { print 3.7 * k / 104 }')" \
-      "waLBerla, D3Q19, from the anchor of another machine by lbmpy" rate 5 10
+    by_turns "$pair" p6_ours "${others[@]}"
+    if [ -n "${WALBERLA_FLUIDIZED_BED:-}" ]; then
+      record P-6 "343 moving spheres, D3Q27 MRT, partially saturated cells, whole step" MLUPS "$ours" "$peer" \
+        "waLBerla FluidizedBedPSM, D3Q19 SRT" rate 5 10
+      record P-6 "the same in D3Q19, BGK" MLUPS "$alike" "$peer" "waLBerla FluidizedBedPSM, D3Q19 SRT" rate - -
+    else
+      record P-6 "343 moving spheres, D3Q27 MRT, partially saturated cells, whole step; peer scaled" MLUPS "$ours" \
+        "$(awk -v k="$kernel" 'BEGIN { print 3.7 * k / 104 }')" "waLBerla, D3Q19, from the anchor of another machine by lbmpy" rate 5 10
+    fi
     shares P-6 wet_spheres
   done
 }
@@ -605,6 +624,52 @@ row_P13() {
   done
 }
 
+# --- P-14: a standing wave with a free surface, one core ---
+p14_ours() {
+  run_solver wave 1 1 "$work/wave.json"
+  ours=$(p14_cost)
+}
+p14_default() {
+  run_solver wave_default 1 1 "$work/wave_default.json"
+  usual=$(p14_cost _default)
+}
+# Nanoseconds per cell of water and step.
+p14_cost() { awk -v s="$(summary "wave${1:-}" loop_seconds)" -v n="$water" -v k="$steps" 'BEGIN { print s / (n * k) * 1e9 }'; }
+p14_walberla() {
+  peer=$(limited python3 "$here/peers/walberla.py" wave "$binary" --cells "$cells_of_water" --box "$box" --blocks "$blocks" \
+    --steps "$steps" --core "$core" | field ns_per_water_cell)
+}
+row_P14() {
+  local pair ours usual peer binary cells_of_water box blocks water steps=100 scene name scenes=(
+    # Variable, cells of the water, height of the box over the depth, blocks of waLBerla: the fewest, but air in blocks of its own.
+    "WALBERLA_GRAVITY_WAVE 768x384 1.25 1x1x1"
+    "WALBERLA_GRAVITY_WAVE 768x384 10 1x8x1"
+    "WALBERLA_GRAVITY_WAVE_3D 96x96x48 1.25 1x1x1"
+    "WALBERLA_GRAVITY_WAVE_3D 96x96x48 10 1x8x1"
+  )
+  if [ "$quick" -eq 1 ]; then
+    steps=10
+    scenes=("WALBERLA_GRAVITY_WAVE 96x48 1.25 1x1x1" "WALBERLA_GRAVITY_WAVE_3D 32x32x16 1.25 1x1x1")
+  fi
+  for scene in "${scenes[@]}"; do
+    read -r name cells_of_water box blocks <<<"$scene"
+    binary=${!name:-}
+    if [ -z "$binary" ]; then
+      echo "beside_peers: P-14 without $cells_of_water cells, box of $box depths: $name names no binary of waLBerla (benches/peers/walberla.py)" >&2
+      continue
+    fi
+    water=$((${cells_of_water//x/ * }))
+    python3 "$here/peers/walberla.py" case --cells "$cells_of_water" --box "$box" --steps "$steps" --operator bgk >"$work/wave.json"
+    python3 "$here/peers/walberla.py" case --cells "$cells_of_water" --box "$box" --steps "$steps" >"$work/wave_default.json"
+    for ((pair = 1; pair <= pairs; pair++)); do
+      by_turns "$pair" p14_ours p14_default p14_walberla
+      name="waLBerla GravityWave, SRT"
+      record P-14 "wave on $cells_of_water cells of water, box of $box depths, BGK" "ns/cell" "$ours" "$peer" "$name" time - -
+      record P-14 "the same with our default TRT, $cells_of_water, $box" "ns/cell" "$usual" "$peer" "$name" time - -
+    done
+  done
+}
+
 header() {
   local commit solver_commit
   # Rows of the benches alone leave no summary.
@@ -649,6 +714,8 @@ for row in "${rows[@]}"; do
     failed+=("$row")
     continue
   fi
+  # Rows whose peer is not there are left out, and said so.
+  [ -s "$work/$row.tsv" ] || continue
   header >"$work/header"
   python3 "$here/table.py" row "$row" "$work/$row.tsv" "$work/header" "$results/$row.csv"
 done

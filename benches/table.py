@@ -18,7 +18,7 @@ import statistics
 import sys
 
 COLUMNS = ["id", "quantity", "unit", "ours", "peer", "peer name and version", "ratio", "lowest ratio", "highest ratio", "bar", "aim", "pass"]
-ORDER = [f"P-{n}" for n in range(1, 14)]
+ORDER = [f"P-{n}" for n in range(1, 15)]
 
 
 def short(x):
