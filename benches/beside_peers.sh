@@ -250,14 +250,17 @@ p1_ours() {
   ours=$(summary cavity mlups)
 }
 p1_bandwidth() { probe=$(bandwidth 1); }
-p1_lbmpy() {
-  peer=$(limited taskset -c "$core" "$(peer_python)" "$here/peers/lbmpy_kernel.py" --vectors "$lbmpy_vectors" --stencil D2Q9 --method srt --n "$cells" --repeats 5 | field mlups.0)
+p1_kernel() {
+  limited taskset -c "$core" "$(peer_python)" "$here/peers/lbmpy_kernel.py" --vectors "$lbmpy_vectors" --stencil D2Q9 --method srt --n "$cells" --repeats 5 "$@" | field mlups.0
 }
+p1_lbmpy() { peer=$(p1_kernel); }
+p1_compressible() { alike=$(p1_kernel --compressible); }
 row_P1() {
-  local pair ours peer probe limit
+  local pair ours peer alike probe limit
   for ((pair = 1; pair <= pairs; pair++)); do
-    by_turns "$pair" p1_ours p1_bandwidth p1_lbmpy
+    by_turns "$pair" p1_ours p1_bandwidth p1_lbmpy p1_compressible
     record P-1 "D2Q9 BGK ${cells}^2, loop of the whole program" MLUPS "$ours" "$peer" "lbmpy 2.0 AA, bare kernel" rate 0.9 1.05
+    record P-1 "the same beside the compressible equilibrium" MLUPS "$ours" "$alike" "lbmpy 2.0 AA, bare kernel, compressible" rate - -
     limit=$(awk -v b="$probe" 'BEGIN { print b * 1e9 / 144 / 1e6 }')
     record P-1 "the same against bandwidth (144 B an update)" MLUPS "$ours" "$limit" "update in place, bandwidth.c" rate 0.85 0.95
   done

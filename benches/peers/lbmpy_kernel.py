@@ -73,6 +73,7 @@ def main():
     p.add_argument("--n", default="2400", help="cells along an edge, or AxB[xC]")
     p.add_argument("--sgs", choices=["smagorinsky"])
     p.add_argument("--force", action="store_true", help="constant, after Guo")
+    p.add_argument("--compressible", action="store_true", help="equilibrium of momentum over density, as the solver has it; else of momentum, without a division")
     p.add_argument("--rates", choices=["one", "many"], default="one",
                    help="one: the shear stress has a rate, all higher moments get 1 and are not needed; many: each has a rate of its own (D3Q27)")
     p.add_argument("--vectors", choices=["longest", "avx2"], default="longest", help="longest: as wide as the processor has")
@@ -104,7 +105,7 @@ def main():
     config.cpu.vectorize.assume_aligned = True
     kernels = []
     for parity in (Timestep.EVEN, Timestep.ODD):
-        method = LBMConfig(stencil=stencil, method=METHODS[a.method], compressible=a.method in ("central", "cumulant"), streaming_pattern="aa",
+        method = LBMConfig(stencil=stencil, method=METHODS[a.method], compressible=a.compressible or a.method in ("central", "cumulant"), streaming_pattern="aa",
                            timestep=parity, zero_centered=True, **options)
         options_of_field = LBMOptimisation(symbolic_field=field)
         if a.precision == "mixed":
