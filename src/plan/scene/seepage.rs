@@ -331,36 +331,9 @@ impl Seepage {
                 );
                 continue;
             }
-            let (mut from, mut to) = ([0; 3], self.cells);
-            if let Some(extent) = &boundary.patch {
-                let low =
-                    AlignedBox::vector(grid, &extent.from, &format!("{path}.patch.from"), findings);
-                let high =
-                    AlignedBox::vector(grid, &extent.to, &format!("{path}.patch.to"), findings);
-                for a in (0..grid.dimension).filter(|&a| a != axis) {
-                    // A cell belongs to a patch if its centre does.
-                    let axis = self.axis(a);
-                    (from[a], to[a]) = (axis.first_centre(low[a]), axis.first_centre(high[a]));
-                }
-                if !self.solids.is_empty() {
-                    let ends = [&low, &high];
-                    self.end_at_structures(boundary.face, ends, [&mut from, &mut to], grid);
-                }
-                if (0..grid.dimension).any(|a| a != axis && from[a] >= to[a]) {
-                    findings.error(
-                        &format!("{path}.patch"),
-                        "the patch contains no cell centre of the coarse grid",
-                        format!(
-                            "the grid reaches from {:?} to {:?} m in cells of {}{:?} m",
-                            &self.origin[..grid.dimension],
-                            &self.end()[..grid.dimension],
-                            if self.is_graded() { "at least " } else { "" },
-                            &self.spacing[..grid.dimension]
-                        ),
-                    );
-                    continue;
-                }
-            }
+            let Some([from, to]) = self.cells_of_patch(boundary, grid, &path, findings) else {
+                continue;
+            };
             for a in (0..grid.dimension).filter(|&a| a != axis) {
                 let across = to[a] - from[a];
                 let odd = across % 2 == 1 && across < self.cells[a];
@@ -408,6 +381,47 @@ impl Seepage {
             patches.push(patch);
         }
         patches
+    }
+
+    /// Returns the first cells and the ends of a patch, by axis; reports a finding if it contains no cell centre.
+    fn cells_of_patch(
+        &self,
+        boundary: &written_as::SeepageBoundary,
+        grid: &Grid,
+        path: &str,
+        findings: &mut Findings,
+    ) -> Option<[[usize; 3]; 2]> {
+        let (mut from, mut to) = ([0; 3], self.cells);
+        let Some(extent) = &boundary.patch else {
+            return Some([from, to]);
+        };
+        let low = AlignedBox::vector(grid, &extent.from, &format!("{path}.patch.from"), findings);
+        let high = AlignedBox::vector(grid, &extent.to, &format!("{path}.patch.to"), findings);
+        let axis = boundary.face.axis();
+        for a in (0..grid.dimension).filter(|&a| a != axis) {
+            // A cell belongs to a patch if its centre does.
+            let axis = self.axis(a);
+            (from[a], to[a]) = (axis.first_centre(low[a]), axis.first_centre(high[a]));
+        }
+        if !self.solids.is_empty() {
+            let ends = [&low, &high];
+            self.end_at_structures(boundary.face, ends, [&mut from, &mut to], grid);
+        }
+        if (0..grid.dimension).any(|a| a != axis && from[a] >= to[a]) {
+            findings.error(
+                &format!("{path}.patch"),
+                "the patch contains no cell centre of the coarse grid",
+                format!(
+                    "the grid reaches from {:?} to {:?} m in cells of {}{:?} m",
+                    &self.origin[..grid.dimension],
+                    &self.end()[..grid.dimension],
+                    if self.is_graded() { "at least " } else { "" },
+                    &self.spacing[..grid.dimension]
+                ),
+            );
+            return None;
+        }
+        Some([from, to])
     }
 
     /// Moves the ends of a patch by a cell where a structure cuts the end cells and leaves their water on the other

@@ -16,10 +16,10 @@ use super::structures::Structure;
 use super::{material, stl, unique, usual_material};
 use base::error::{Error, Remedy};
 use case::Case;
-use case::geometry::Face;
+use case::geometry::{Face, Vector};
 use case::grains::GrainSource;
 use case::observe::Action;
-use case::solids::{Plane as WrittenPlane, Wall as WrittenWall, WallShape, WallStage};
+use case::solids::{Mesh, Plane as WrittenPlane, Wall as WrittenWall, WallShape, WallStage};
 use dem::FacetSurface;
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -92,7 +92,7 @@ impl SceneWall {
 
 /// Reports grains that would fall out of the domain.
 fn no_floor(case: &Case, grid: &Grid, no_walls: bool, findings: &mut Findings) {
-    let Some(gravity) = case.gravity.as_ref().map(case::geometry::Vector::to_array) else {
+    let Some(gravity) = case.gravity.as_ref().map(Vector::to_array) else {
         return;
     };
     let Some(down) =
@@ -538,24 +538,7 @@ fn facets(
         WallShape::Plane(_) => return None,
         WallShape::Polygon(corners) => {
             let path = format!("{path}.polygon");
-            let vertices: Vec<Vector3<f64>> = corners
-                .iter()
-                .enumerate()
-                .map(|(n, at)| {
-                    AlignedBox::vector(grid, at, &format!("{path}[{n}]"), findings).into()
-                })
-                .collect();
-            let all = (0..u32::try_from(vertices.len()).unwrap_or(u32::MAX)).collect();
-            let made = match crossing(&in_its_plane(&vertices)) {
-                Some((k, n)) => Err(format!(
-                    "the polygon crosses or touches itself: the edge from corner {k} meets the edge from corner {n}"
-                )),
-                None => FacetSurface::new(vertices, &[all]).map_err(|error| {
-                    let reason = error.into_reason();
-                    let about = reason.strip_prefix("facet 0 ");
-                    about.map_or(reason.clone(), |about| format!("the polygon {about}"))
-                }),
-            };
+            let made = polygon(grid, corners, &path, findings);
             (
                 path,
                 made,
@@ -579,17 +562,7 @@ fn facets(
         }
         WallShape::Mesh(mesh) => {
             let path = format!("{path}.mesh");
-            let origin = mesh.origin.as_ref().map_or([0.0; 3], |at| {
-                AlignedBox::vector(grid, at, &format!("{path}.origin"), findings)
-            });
-            let file = case.directory.join(&mesh.path);
-            let made = io::plain::bytes(&file, io::plain::LONGEST_INPUT)
-                .map_err(|e| e.to_string())
-                .and_then(|bytes| {
-                    let origin = Vector3::from(origin);
-                    stl::read(&bytes, mesh.scale, &origin).map_err(|e| e.to_string())
-                })
-                .map_err(|e| format!("{}: {e}", mesh.path.display()));
+            let made = triangles(case, grid, mesh, &path, findings);
             (
                 format!("{path}.path"),
                 made,
@@ -624,4 +597,49 @@ fn facets(
             None
         }
     }
+}
+
+/// Returns the facet of a polygon, or why its corners form none.
+fn polygon(
+    grid: &Grid,
+    corners: &[Vector],
+    path: &str,
+    findings: &mut Findings,
+) -> Result<FacetSurface, String> {
+    let vertices: Vec<Vector3<f64>> = corners
+        .iter()
+        .enumerate()
+        .map(|(n, at)| AlignedBox::vector(grid, at, &format!("{path}[{n}]"), findings).into())
+        .collect();
+    if let Some((k, n)) = crossing(&in_its_plane(&vertices)) {
+        return Err(format!(
+            "the polygon crosses or touches itself: the edge from corner {k} meets the edge from corner {n}"
+        ));
+    }
+    let all = (0..u32::try_from(vertices.len()).unwrap_or(u32::MAX)).collect();
+    FacetSurface::new(vertices, &[all]).map_err(|error| {
+        let reason = error.into_reason();
+        let about = reason.strip_prefix("facet 0 ");
+        about.map_or(reason.clone(), |about| format!("the polygon {about}"))
+    })
+}
+
+/// Returns the facets of a mesh from its file, or why it has none.
+fn triangles(
+    case: &Case,
+    grid: &Grid,
+    mesh: &Mesh,
+    path: &str,
+    findings: &mut Findings,
+) -> Result<FacetSurface, String> {
+    let origin = mesh.origin.as_ref().map_or([0.0; 3], |at| {
+        AlignedBox::vector(grid, at, &format!("{path}.origin"), findings)
+    });
+    io::plain::bytes(&case.directory.join(&mesh.path), io::plain::LONGEST_INPUT)
+        .map_err(|e| e.to_string())
+        .and_then(|bytes| {
+            let origin = Vector3::from(origin);
+            stl::read(&bytes, mesh.scale, &origin).map_err(|e| e.to_string())
+        })
+        .map_err(|e| format!("{}: {e}", mesh.path.display()))
 }

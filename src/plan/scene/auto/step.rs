@@ -428,15 +428,28 @@ fn limits(
         .iter()
         .map(|limit| limit.time_step)
         .fold(f64::INFINITY, f64::min);
-    let mut add = |what: String, time_step: f64| {
-        if time_step >= stable {
-            firm = firm.min(time_step);
+    for limit in sound_limits(scene, flow, target, narrow_gaps) {
+        if limit.time_step >= stable {
+            firm = firm.min(limit.time_step);
         }
-        let time_step = time_step.max(stable);
+        let time_step = limit.time_step.max(stable);
         if time_step.is_finite() && time_step > 0.0 {
-            limits.push(Limit { what, time_step });
+            limits.push(Limit { time_step, ..limit });
         }
-    };
+    }
+    (limits, firm)
+}
+
+/// Returns the longest steps by sound and by pressures that build up; they give way to the shortest stable step.
+fn sound_limits(
+    scene: &Scene,
+    flow: &Flow,
+    target: f64,
+    narrow_gaps: &[(usize, Gap)],
+) -> Vec<Limit> {
+    let (h, nu) = (scene.grid.spacing, flow.kinematic_viscosity);
+    let mut limits = Vec::new();
+    let mut add = |what: String, time_step: f64| limits.push(Limit { what, time_step });
     if let Some((what, time_step)) = sound::passages(scene, flow) {
         add(what, time_step);
     }
@@ -466,7 +479,7 @@ fn limits(
         let (what, time_step) = sound::building_up(scene, nu, *axis, gap);
         add(what, time_step);
     }
-    (limits, firm)
+    limits
 }
 
 /// Returns the longest steps by changes of density: under the largest pressure, at the guard, and along the flow.
