@@ -10,7 +10,8 @@ the run take the same case on one rank and one thread. Compared are
 - disk: `estimate.disk_bytes` with the sizes of all files of the run;
 - time: `estimate.seconds_on_one_core` with the processor time of the run (`processor_seconds`).
 
-A run that was made before is not made again.
+A run that was made before is not made again. The script ends with 1 if a plan refuses its case, a run does not end with 0, or an example of the
+program is not in cases.txt: what a plan calls valid must run to its end.
 """
 
 import argparse
@@ -47,6 +48,15 @@ def case_file(solver, source, folder):
     return path
 
 
+def unlisted_examples(solver):
+    """Returns the examples of the program that cases.txt leaves out."""
+    listed = {source.partition(" ")[2] for _, source, _ in cases([])}
+    shown = subprocess.run([solver, "example"], check=True, capture_output=True, text=True).stdout
+    names = [line.split()[0] for line in shown.splitlines() if "  " in line.strip()]
+    missing = [name for name in names if name not in listed]
+    return [f"{name} is not in cases.txt" for name in missing]
+
+
 def on_disk(folder):
     return sum(entry.stat().st_size for entry in folder.rglob("*") if entry.is_file())
 
@@ -61,7 +71,7 @@ def one(solver, name, source, sets, output):
     sets = [part for value in sets for part in ("--set", value)]
     plan = subprocess.run([solver, "plan", case, "--json", *sets], capture_output=True, text=True)
     if plan.returncode:
-        print(f"{name}: no plan\n{plan.stdout[-500:]}{plan.stderr[-500:]}", file=sys.stderr)
+        print(f"{name}: the plan ends with status {plan.returncode}\n{plan.stdout[-500:]}{plan.stderr[-500:]}", file=sys.stderr)
         return None
     estimate = json.loads(plan.stdout)["estimate"]
     run = folder / "run"
@@ -73,8 +83,9 @@ def one(solver, name, source, sets, output):
     )
     _, status, usage = os.wait4(process.pid, 0)
     wall = time.monotonic() - begin
-    if not (run / "summary.json").exists():
-        print(f"{name}: no summary, status {status}", file=sys.stderr)
+    code = os.waitstatus_to_exitcode(status)
+    if code or not (run / "summary.json").exists():
+        print(f"{name}: the run ends with status {code}\n{(folder / 'log').read_text()[-500:]}", file=sys.stderr)
         return None
     summary = json.loads((run / "summary.json").read_text())
     found = {
@@ -97,10 +108,11 @@ def main():
     parser.add_argument("--table", type=Path)
     options = parser.parse_args()
     solver = options.solver.resolve()
-    rows = []
+    rows, failed = [], unlisted_examples(solver)
     for name, source, sets in cases(options.only):
         found = one(solver, name, source, sets, options.output.resolve())
         if found is None:
+            failed.append(name)
             continue
         estimate, summary = found["estimate"], found["summary"]
         row = {
@@ -124,6 +136,8 @@ def main():
             writer = csv.DictWriter(file, rows[0], lineterminator="\n")
             writer.writeheader()
             writer.writerows(rows)
+    if failed:
+        sys.exit(f"beside: {', '.join(failed)}")
 
 
 if __name__ == "__main__":
