@@ -244,7 +244,7 @@ impl SlabSurface {
             self.cells.kind[cell] = SURFACE;
             self.cells.mass[cell] = 1.0 + populations.moments(cell).0;
         }
-        self.settle(populations);
+        self.settle(populations, false);
         self.corners = self.ghosts.around().corners(populations, &self.cells);
     }
 
@@ -267,7 +267,7 @@ impl SlabSurface {
             }
         }
         self.restored = true;
-        self.settle(populations);
+        self.settle(populations, false);
         self.corners = self.ghosts.around().corners(populations, &self.cells);
     }
 
@@ -489,7 +489,7 @@ impl SlabSurface {
         viscosity: f64,
     ) {
         if self.unsettled {
-            self.settle(populations);
+            self.settle(populations, false);
         }
         for opening in &mut self.openings {
             opening.remember(&self.cells, populations, half_force);
@@ -592,7 +592,8 @@ impl SlabSurface {
             );
         }
         self.work.forget_shares(&mut self.cells);
-        self.work.collect(&mut self.cells, &self.batches);
+        let bodies = self.bodies.is_some();
+        self.work.collect(&mut self.cells, &self.batches, bodies);
         self.spread_kinds();
         let kinds = &self.cells.kind;
         let of_surface = |cell: usize| {
@@ -611,11 +612,15 @@ impl SlabSurface {
             populations,
             (&self.ghosts, &self.fed),
         );
-        if self.bodies.is_some() {
+        if bodies {
             self.distribute_excess(populations);
             self.unsettled = true;
         } else {
-            self.settle(populations);
+            with_set!(
+                populations,
+                exchange::fill_renewed(&mut self.cells, self.work.renewed(), populations)
+            );
+            self.settle(populations, true);
         }
     }
 
@@ -643,8 +648,9 @@ impl SlabSurface {
             .mark_takers(&mut self.cells, &self.ghosts, populations);
     }
 
-    /// Distributes excess mass, and updates the ghost cells and the lists from the cells of the slab. Collective.
-    fn settle<S: Stored>(&mut self, populations: &mut Populations<S>) {
+    /// Distributes excess mass, and updates the ghost cells and the lists from the cells of the slab; `filled` is
+    /// `true` if the fill levels of interface cells are known. Collective.
+    fn settle<S: Stored>(&mut self, populations: &mut Populations<S>, filled: bool) {
         self.unsettled = false;
         self.spread_kinds();
         self.lost += self.work.distribute(&mut self.cells);
@@ -652,7 +658,7 @@ impl SlabSurface {
         let batches = &mut self.batches[..];
         with_set!(
             populations,
-            exchange::classify(&self.cells, batches, populations)
+            exchange::classify(&self.cells, batches, populations, filled)
         );
         for batch in &self.batches {
             let states = batch.kind.iter().zip(&batch.fill);

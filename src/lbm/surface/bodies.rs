@@ -489,7 +489,7 @@ impl SlabSurface {
         bodies.known = true;
         self.take_back(&mut bodies, communicator);
         if slab {
-            self.settle(populations);
+            self.settle(populations, false);
             bodies.list(&self.cells, populations, cover);
         }
         self.bodies = Some(bodies);

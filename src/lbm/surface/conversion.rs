@@ -27,6 +27,8 @@ pub(super) struct Work {
     empties: Vec<u32>,
     entered: Vec<u32>,
     born: Vec<Moments>,
+    /// Cells that have become interface cells, whose fill level the exchange does not know.
+    renewed: Vec<u32>,
     /// Cells with excess mass, which is stored in [`Cells::share`] until it is received.
     excess: Vec<u32>,
     /// Cells whose excess mass is stored.
@@ -102,15 +104,26 @@ impl Work {
         }
     }
 
-    /// Sets the kinds found by the lists, and records the cells that change.
-    pub(super) fn collect(&mut self, cells: &mut Cells, batches: &[Batch]) {
+    /// Returns the cells that have become interface cells in the last conversion.
+    pub(super) fn renewed(&self) -> &[u32] {
+        &self.renewed
+    }
+
+    /// Sets the kinds and the fill levels found by the exchange, and records the cells that change. With `bodies`,
+    /// which move before the cells are listed again, fill levels remain those before the step.
+    pub(super) fn collect(&mut self, cells: &mut Cells, batches: &[Batch], bodies: bool) {
         self.fills.clear();
         self.empties.clear();
         self.entered.clear();
         self.born.clear();
+        self.renewed.clear();
         for batch in batches {
-            for (&cell, &kind) in batch.positions.cells().iter().zip(&batch.kind) {
+            let states = batch.kind.iter().zip(&batch.fill);
+            for (&cell, (&kind, &fill)) in batch.positions.cells().iter().zip(states) {
                 cells.kind[cell as usize] = kind;
+                if !bodies {
+                    cells.fill[cell as usize] = fill;
+                }
                 match kind {
                     FILLS => self.fills.push(cell),
                     EMPTIES => self.empties.push(cell),
@@ -172,6 +185,7 @@ impl Work {
                     (false, LIQUID) => {
                         cells.kind[cell] = SURFACE;
                         cells.mass[cell] = 1.0 + populations.moments(cell).0;
+                        self.renewed.push(to_u32(cell));
                         touch(populations, to_u32(cell));
                     }
                     _ => {}
@@ -200,6 +214,7 @@ impl Work {
             enter(populations, cell, born);
             cells.kind[cell] = SURFACE;
             cells.mass[cell] = cells.solid(cell);
+            self.renewed.push(to_u32(cell));
         }
         for n in 0..self.fills.len() {
             let cell = self.fills[n] as usize;

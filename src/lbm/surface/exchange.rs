@@ -441,11 +441,29 @@ fn turned(
     }
 }
 
-/// Computes the fill level and the kinds of the neighbours of each interface cell.
+/// Computes the fill levels of cells that have become interface cells.
+pub(super) fn fill_renewed<L: Lattice<Q>, S: Stored, const Q: usize>(
+    cells: &mut Cells,
+    renewed: &[u32],
+    populations: &Populations<S>,
+) {
+    let stencil = &Stencil::<L, Q>::new(populations);
+    let numbers = &Numbers::to_read(populations);
+    for &cell in renewed {
+        let cell = cell as usize;
+        // SAFETY: a cell of the slab, whose numbers no thread writes.
+        let density = 1.0 + unsafe { stencil.density(numbers, cell) };
+        cells.fill[cell] = cells.fill_from(cell, cells.mass[cell], density);
+    }
+}
+
+/// Finds the kind of each interface cell from those of its neighbours, and its fill level; `filled` is `true` if the
+/// fill levels are known.
 pub(super) fn classify<L: Lattice<Q>, S: Stored, const Q: usize>(
     cells: &Cells,
     batches: &mut [Batch],
     populations: &Populations<S>,
+    filled: bool,
 ) {
     let stencil = &Stencil::<L, Q>::new(populations);
     let numbers = &Numbers::to_read(populations);
@@ -456,6 +474,7 @@ pub(super) fn classify<L: Lattice<Q>, S: Stored, const Q: usize>(
             cells,
             numbers,
             stencil,
+            filled,
         });
     });
 }
@@ -466,6 +485,7 @@ struct Classify<'a, L, S, const Q: usize> {
     cells: &'a Cells,
     numbers: &'a Numbers<S>,
     stencil: &'a Stencil<L, Q>,
+    filled: bool,
 }
 
 impl<L: Lattice<Q>, S: Stored, const Q: usize> Work for Classify<'_, L, S, Q> {
@@ -484,18 +504,25 @@ impl<L: Lattice<Q>, S: Stored, const Q: usize> Work for Classify<'_, L, S, Q> {
                     *next_to |= bits(kind);
                 }
             }
-            // SAFETY: interface cells of the slab, whose numbers are only read.
-            unsafe { positions.incoming(self.numbers, self.stencil, &mut incoming) };
-            for k in 0..positions.padded() {
-                densities[k] = 1.0 + density::<Q>(|i| incoming[i][k]);
+            if self.filled {
+                for (fill, &cell) in batch.fill.iter_mut().zip(positions.cells()) {
+                    *fill = self.cells.fill[cell as usize];
+                }
+            } else {
+                // SAFETY: interface cells of the slab, whose numbers are only read.
+                unsafe { positions.incoming(self.numbers, self.stencil, &mut incoming) };
+                for k in 0..positions.padded() {
+                    densities[k] = 1.0 + density::<Q>(|i| incoming[i][k]);
+                }
+                for (k, &cell) in positions.cells().iter().enumerate() {
+                    let mass = self.cells.mass[cell as usize];
+                    batch.fill[k] = self.cells.fill_from(cell as usize, mass, densities[k]);
+                }
             }
             for (k, &cell) in positions.cells().iter().enumerate() {
                 let cell = cell as usize;
                 let liquid = next_to[k] & liquid != 0 || self.cells.is_fed(cell);
-                let fill = self
-                    .cells
-                    .fill_from(cell, self.cells.mass[cell], densities[k]);
-                batch.fill[k] = fill;
+                let fill = batch.fill[k];
                 batch.kind[k] = match (next_to[k] & gas != 0, liquid) {
                     (false, _) if fill <= 1.0 - NEARLY => ENCLOSED,
                     (true, false) if fill >= NEARLY => STRAY,
