@@ -55,7 +55,8 @@ type Ending = (Vector3<f64>, Option<f64>);
 #[must_use]
 pub fn covers(network: &Network) -> Vec<Cover> {
     let mut endings: Vec<Vec<Ending>> = vec![Vec::new(); network.joints.len()];
-    for piece in &network.open {
+    // Where other joints meet, the space reaches to them.
+    for piece in network.open.iter().filter(|piece| !piece.meets) {
         endings[piece.joint].push((piece.outward, None));
     }
     for junction in &network.junctions {

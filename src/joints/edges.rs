@@ -5,8 +5,10 @@
 //! meet. Edges that meet, directly or through others, share a line. The ends of their pieces divide the line into
 //! intervals, and each interval that two or more joints have in common is a junction, a point without volume whose
 //! discharges add up to zero. Pieces of edges that meet no other joint are open; water enters and leaves there if
-//! the scene has water outside them. The head loss of the corner itself, of the order of the aperture divided by
-//! the cell size, is neglected.
+//! the scene has water outside them. Under a lattice, whose cells tell where water is, so are the pieces of a junction
+//! next to a sector around its line that no block fills: below a block that stands on others with its edge above a
+//! joint, and where joints cross at the surface of the rock. The head loss of the corner itself, of the order of the
+//! aperture divided by the cell size, is neglected.
 
 use crate::cells::{Cell, Side};
 use crate::pairs::{Joint, PairLimits};
@@ -35,6 +37,8 @@ pub struct Piece {
     pub outward: Vector3<f64>,
     /// Midpoint of the piece \[m\].
     pub middle: Vector3<f64>,
+    /// `true` if other joints meet there.
+    pub meets: bool,
 }
 
 /// Junction of two or more joints.
@@ -133,6 +137,7 @@ impl Edge {
             width: to - from,
             outward: joint.direction(&self.outward),
             middle,
+            meets: false,
         }
     }
 }
@@ -253,6 +258,40 @@ fn groups(edges: &[Edge], limits: &PairLimits) -> Vec<Vec<usize>> {
     groups
 }
 
+/// Returns the numbers of the pieces of a junction next to a sector around its line that no block fills: the joints at
+/// both sides of a sector face different blocks.
+fn beside_open_sectors(
+    pieces: &[Piece],
+    joints: &[Joint],
+    line: &Vector3<f64>,
+) -> impl Iterator<Item = usize> {
+    // A joint extends from the line against its outward direction. Around the line, at growing angles, it has a block
+    // behind it and one ahead of it.
+    let first = -pieces[0].outward;
+    let second = line.cross(&first);
+    let mut around: Vec<(f64, usize, [usize; 2])> = Vec::new();
+    for (number, piece) in pieces.iter().enumerate() {
+        let into = -piece.outward;
+        let joint = &joints[piece.joint];
+        let mut blocks = joint.faces.map(|face| face.rock);
+        if joint.normal.dot(&line.cross(&into)) < 0.0 {
+            blocks.reverse();
+        }
+        let angle = second.dot(&into).atan2(first.dot(&into));
+        around.push((angle, number, blocks));
+    }
+    around.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let mut beside = vec![false; pieces.len()];
+    for (at, (_, number, [_, ahead])) in around.iter().enumerate() {
+        let (_, next, [behind, _]) = around[(at + 1) % around.len()];
+        if *ahead != behind {
+            (beside[*number], beside[next]) = (true, true);
+        }
+    }
+    let numbers = 0..pieces.len();
+    numbers.filter(move |number| beside[*number])
+}
+
 /// Divides the line of a group of edges into intervals, and adds their junctions and open pieces.
 fn divide(group: &[usize], edges: &[Edge], (joints, cells): (&[Joint], &[Cell]), to: &mut Ends) {
     let piece = |edge: usize, part: usize, span: [f64; 2]| {
@@ -284,7 +323,7 @@ fn divide(group: &[usize], edges: &[Edge], (joints, cells): (&[Joint], &[Cell]),
         let covering = spans
             .iter()
             .filter(|span| span.0 < middle && middle < span.1);
-        let pieces: Vec<Piece> = covering
+        let mut pieces: Vec<Piece> = covering
             .map(|&(.., edge, part)| {
                 let own = &edges[edge];
                 let along = [ends[0], ends[1]].map(|at| own.along(&line.position(at)));
@@ -296,6 +335,11 @@ fn divide(group: &[usize], edges: &[Edge], (joints, cells): (&[Joint], &[Cell]),
             to.open.extend(pieces);
             continue;
         }
+        for piece in &mut pieces {
+            piece.meets = true;
+        }
+        let beside = beside_open_sectors(&pieces, joints, &line.direction);
+        to.open.extend(beside.map(|piece| pieces[piece].clone()));
         let middles: Vector3<f64> = pieces.iter().map(|piece| piece.middle).sum();
         to.junctions.push(Junction {
             position: middles / real(pieces.len()),

@@ -165,13 +165,16 @@ impl Network {
             joint_of.resize(cells.len(), number);
             firsts.push(cells.len());
         }
-        let ends = ends(
+        let mut ends = ends(
             &joints,
             &cells,
             &firsts,
             &settings.limits,
             settings.residual_aperture,
         );
+        if settings.under.is_none() {
+            ends.open.retain(|piece| !piece.meets);
+        }
         let mut positions: Vec<Vector3<f64>> = cells
             .iter()
             .zip(&joint_of)

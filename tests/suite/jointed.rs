@@ -102,6 +102,39 @@ fn the_joint_between_two_pools_has_a_linear_pressure_and_lifts_its_block() {
     assert!(joints["mass_error"].as_f64().unwrap().abs() < 1e-10);
 }
 
+/// Checks that water leaves the joint below a block whose edge stands flush with a joint of its base: both joints meet
+/// on a line in front of the water.
+#[test]
+fn joints_that_meet_in_front_of_the_water_are_open() {
+    let _beside = beside_others();
+    let (left, right) = (60.0, 20.0);
+    let mut case = pools(&pressures(left, right));
+    let edge = 0.2 + 0.5 * LENGTH;
+    let height = 0.04 - 0.5 * GAP;
+    let base = |from: f64, to: f64| {
+        json!({"shape": {"cuboid": {"edges": [to - from, 0.05, height]}},
+            "position": [0.5 * (from + to), 0.025, 0.5 * height]})
+    };
+    let blocks = case["blocks"]["initial"]["list"].as_array_mut().unwrap();
+    blocks[0] = base(0.0, edge);
+    blocks.push(base(edge + GAP, 0.4));
+    let at = json!({"joint": {"position": [edge + 0.5 * GAP, 0.025, 0.02]}});
+    let probes = case["probes"].as_array_mut().unwrap();
+    probes.push(json!({"name": "upright", "every": 0.01, "at": at}));
+    let study = Study::new(&case.to_string());
+    study.run("run", 1, 2, &[]);
+    for (name, exact) in [
+        ("left", left + (right - left) * 0.05),
+        ("right", left + (right - left) * 0.95),
+        ("upright", right),
+    ] {
+        let path = study.path("run").join(format!("probe_{name}.csv"));
+        let found = late(&io::table::read(&path).unwrap(), "pressure");
+        println!("{name}: {found} Pa, exact {exact} Pa");
+        assert!((found - exact).abs() < 0.02 * (left - right));
+    }
+}
+
 /// Runs pools of thin liquids: friction of their joints is below the increase of the pressure of a cell of the lattice
 /// by the discharge of a step, divided by the discharge.
 #[test]

@@ -1,7 +1,7 @@
 //! Steady flow: one joint, crossing joints, joints round a block.
 
 use crate::flow::{Drive, FlowSettings, JointFlow};
-use crate::network::{End, Network, NetworkSettings};
+use crate::network::{End, Network, NetworkSettings, UnderLattice};
 use crate::pairs::{PairLimits, Rock};
 use crate::water::Mixture;
 use dem::polyhedron::{PlacedPolyhedron, Polyhedron};
@@ -354,4 +354,49 @@ fn a_block_in_still_water_has_its_buoyancy() {
     // Both faces of a joint have opposite forces.
     let sum: Vector3<f64> = all.iter().map(|load| load.force).sum();
     assert!(sum.norm() < 1e-9 * exact);
+}
+
+/// Returns `true` if a network is open along the line parallel to y through a point of the plane x-z.
+fn is_open_along(solids: &[PlacedPolyhedron], [x, z]: [f64; 2]) -> bool {
+    let under = Some(UnderLattice {
+        wide: 0.05,
+        takeover: 0.1,
+    });
+    let settings = NetworkSettings {
+        under,
+        ..settings(0.25)
+    };
+    let network = Network::new(&rocks(solids), &settings);
+    let near = |at: &Vector3<f64>| (at.x - x).hypot(at.z - z) < 0.02;
+    // Edges along y; those across it end at the sides of the blocks.
+    let along = |at: &Vector3<f64>| at.y > 0.05 && at.y < 0.95;
+    assert!(
+        network.junctions.iter().any(|one| near(&one.position)),
+        "joints meet on the line"
+    );
+    network
+        .open
+        .iter()
+        .any(|piece| near(&piece.middle) && along(&piece.middle))
+}
+
+/// Checks that joints under a lattice which meet on a line are open there if the blocks around it leave a sector free,
+/// such as below the edge of a block that stands on a joint.
+#[test]
+fn joints_that_meet_at_the_surface_are_open() {
+    let (a, half) = (0.002, 0.001);
+    let left = [[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]];
+    let right = [[1.0 + a, 0.0, 0.0], [2.0, 1.0, 1.0]];
+    let line = [1.0 + half, 1.0 + half];
+    let upper = |to: f64| [[0.0, 0.0, 1.0 + a], [to, 1.0, 2.0]];
+    assert!(is_open_along(&boxes(&[left, right, upper(1.0)]), line));
+    assert!(is_open_along(
+        &boxes(&[left, right, upper(1.0 + half)]),
+        line
+    ));
+    // A block over both, and four blocks round the line, leave nothing free.
+    assert!(!is_open_along(&boxes(&[left, right, upper(2.0)]), line));
+    let beside = [[1.0 + a, 0.0, 1.0 + a], [2.0, 1.0, 2.0]];
+    let four = boxes(&[left, right, upper(1.0), beside]);
+    assert!(!is_open_along(&four, line));
 }
