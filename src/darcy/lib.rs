@@ -113,6 +113,18 @@ pub enum SeepageError {
         /// Pressure head there \[m\].
         head: f64,
     },
+    /// Stated flux out of the ground that is larger than the ground can yield.
+    #[error(
+        "the `flux` out of the ground at ({:.6}, {:.6}, {:.6}) m is larger than the ground can yield: the pressure head there \
+         is {} m, and that of dry soil is -1.02e5 m; use a smaller flux, or `evaporation`, which a limiting suction ends",
+        .at[0], .at[1], .at[2], number(*.head)
+    )]
+    DryGround {
+        /// Centre of a cell of the face \[m\].
+        at: [f64; 3],
+        /// Pressure head there \[m\].
+        head: f64,
+    },
     /// Unsaturated transient flow that did not converge even in the shortest step.
     #[error(
         "the flow in unsaturated ground did not converge at {} s even with the shortest time step: where a `discharge` \

@@ -95,6 +95,12 @@ pub trait RetentionLaw: Sync {
     /// comparison with the cells.
     fn capillary_length(&self) -> f64;
 
+    /// Returns the pressure head \[m\] below which the water that can drain is less than the rounding of that of
+    /// saturation.
+    fn driest_head(&self) -> f64 {
+        f64::NEG_INFINITY
+    }
+
     /// Returns the exponent q with which the permeability leaves its saturated value, `1 - k_r ~ |psi|^q`: at most 1,
     /// and below 1 if its slope is infinite at saturation.
     fn saturation_exponent(&self) -> f64 {

@@ -4,6 +4,7 @@
 //!   a patch, or short of the surface, neighbouring cells on the surface have different heads. Water then flows
 //!   from one to the other around the pile, and the discharge depends on the size of the cells.
 //! * Ground that is in no zone. Without grains it is open water.
+//! * Ground that is so dry at the start that its water is lost to rounding. Newton's method then fails.
 //! * Values in wrong units: permeabilities and densities that no ground and no liquid has, heads below the ground
 //!   on which they act.
 
@@ -12,7 +13,7 @@ use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use crate::scene::seepage::{PATH, Seepage};
 use base::error::Remedy;
-use case::darcy::ZonePermeability;
+use case::darcy::{InitialState, ZonePermeability};
 use darcy::{Condition, Openness};
 
 /// Fraction of the largest head difference above which the heads of neighbours count as different.
@@ -33,6 +34,7 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
         scene.grains.is_none() && scene.bodies.is_empty() || seepage.written.unsaturated.is_some();
     units(scene, seepage, findings);
     heads(scene, seepage, findings);
+    driest(seepage, findings);
     super::ends::check(scene, seepage, findings);
     let several = seepage
         .patches
@@ -53,6 +55,47 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
         }
         open_water(seepage, &openness, findings);
     }
+}
+
+/// Reports a uniform start that is drier than a retention can state.
+fn driest(seepage: &Seepage, findings: &mut Findings) {
+    let Some(soil) = &seepage.written.unsaturated else {
+        return;
+    };
+    let Some(InitialState::PressureHead(head)) = soil.transient.as_ref().map(|flow| flow.initial)
+    else {
+        return;
+    };
+    let zones = seepage
+        .written
+        .zones
+        .iter()
+        .filter_map(|zone| zone.retention.as_ref());
+    let laws = std::iter::once(&soil.retention).chain(zones);
+    let driest = laws
+        .map(|law| law.model().driest_head())
+        .fold(f64::NEG_INFINITY, f64::max);
+    if head >= driest {
+        return;
+    }
+    // A value with few digits that is not drier.
+    let unit = 10_f64.powf((-driest).log10().floor() - 1.0);
+    let proposed = -((-driest / unit).floor() * unit);
+    let path = format!("{PATH}.unsaturated.transient.initial.pressure_head");
+    findings.unstable(
+        &path,
+        format!(
+            "with Gardner's law the water that can drain at a pressure head of {} m is less than the rounding of \
+             that of saturation; below {} m the flow does not converge",
+            number(head),
+            number(driest)
+        ),
+        Remedy::from(format!(
+            "use a pressure head of at least {} m, or a retention with a slower fall, such as van_genuchten",
+            number(proposed)
+        ))
+        .set(path.clone(), proposed),
+    );
 }
 
 fn units(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {

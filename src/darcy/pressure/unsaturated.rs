@@ -73,6 +73,8 @@ const FIRST_FLOOR: f64 = 1e-2;
 const LAST_FLOOR: f64 = 1e-10;
 /// Pressure head at which water boils \[m\].
 const BOILS: f64 = -10.0;
+/// Pressure head of dry soil \[m\], at a suction of 1e6 kPa (D. G. Fredlund, A. Xing, Can. Geotech. J. 31 (1994) 521).
+const DRY: f64 = -1.02e5;
 /// Factor by which the floor falls after a success.
 const LOWER: f64 = 0.1;
 
@@ -297,25 +299,27 @@ impl Pressure {
             }
         });
         self.take_fluxes(&own);
-        let solved = solved.and_then(|found| self.check_wells(&own).map(|()| found));
+        let solved = solved.and_then(|found| self.check_outflows(&own).map(|()| found));
         // From here on the boundary inflow is that of unsaturated ground.
         self.unsaturated = Some(own);
         let (iterations, residual) = solved?;
         Ok(self.report(iterations, residual))
     }
 
-    /// Checks that no well takes so much that its water would boil.
-    fn check_wells(&self, own: &Unsaturated) -> Result<(), SeepageError> {
-        let takes = |face: &&Boundary| {
-            let condition = self.patches[face.patch].condition;
-            matches!(condition, Condition::Discharge { .. }) && face.rate < 0.0
-        };
-        for face in self.boundary.iter().filter(takes) {
+    /// Checks that no well takes so much that its water would boil, and no stated flux so much that the ground would be
+    /// drier than dry soil.
+    fn check_outflows(&self, own: &Unsaturated) -> Result<(), SeepageError> {
+        for face in self.boundary.iter().filter(|face| face.rate < 0.0) {
             let head = own.states[face.at].head;
-            if head < BOILS {
-                let cell = self.slab.grid.cell(face.cell);
-                let at = self.slab.grid.centre(cell);
-                return Err(SeepageError::DryWell { at, head });
+            let at = || self.slab.grid.centre(self.slab.grid.cell(face.cell));
+            match self.patches[face.patch].condition {
+                Condition::Discharge { .. } if head < BOILS => {
+                    return Err(SeepageError::DryWell { at: at(), head });
+                }
+                Condition::Flux { .. } if head < DRY => {
+                    return Err(SeepageError::DryGround { at: at(), head });
+                }
+                _ => {}
             }
         }
         Ok(())

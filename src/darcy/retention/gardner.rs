@@ -17,6 +17,9 @@ use super::{Fault, RetentionLaw, SoilState};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+/// Largest exponent of the content: exp(-34) is eight times the rounding of 1.
+const MOST: f64 = 34.0;
+
 /// Exponential permeability and content (Gardner 1958).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -71,6 +74,10 @@ impl RetentionLaw for Gardner {
 
     fn capillary_length(&self) -> f64 {
         1.0 / self.alpha
+    }
+
+    fn driest_head(&self) -> f64 {
+        -MOST / self.alpha
     }
 
     fn check(&self) -> Option<Fault> {

@@ -253,6 +253,39 @@ fn rain_on_an_exponential_soil() {
     }
 }
 
+/// Checks water that rises from a water table 1 m below to a stated flux at the surface: at most K/(e^(alpha L) - 1),
+/// at infinite suction. A larger one has no solution, and an error names it.
+#[test]
+fn a_flux_that_the_ground_cannot_yield_is_an_error() {
+    let rise = |flux: f64| {
+        let grid = plane([1, 50], [0.1, 1.0]);
+        let table = Condition::Head { value: 0.0 };
+        let patches = vec![
+            patch(&grid, 1, false, [0.0, 0.1], table),
+            patch(&grid, 1, true, [0.0, 0.1], Condition::Flux { value: -flux }),
+        ];
+        let soil = Retention::Gardner(Gardner {
+            alpha: 5.0,
+            saturated_content: 0.4,
+            residual_content: 0.1,
+        });
+        let mut solver = solver(&grid, patches, soil);
+        solver.solve(still(&conductivity(&grid, 1e-5)))
+    };
+    let most = 1e-5 / (5.0_f64.exp() - 1.0);
+    assert!(rise(0.9 * most).is_ok());
+    for more in [1.5, 15.0] {
+        let found = rise(more * most);
+        assert!(
+            matches!(
+                found,
+                Err(SeepageError::DryGround { .. } | SeepageError::Unsaturated { .. })
+            ),
+            "{found:?}"
+        );
+    }
+}
+
 /// Checks rain above the hydraulic conductivity: the column takes up as much as it drains under its own weight, and the
 /// rest runs off.
 #[test]
