@@ -19,6 +19,7 @@ pub mod ends;
 pub mod envelope;
 pub mod estimate;
 pub mod explicit_drag;
+mod filling;
 mod free_surface;
 mod impacts;
 pub mod interval;

@@ -117,6 +117,22 @@ impl FreeSurface {
         filled
     }
 
+    /// Returns the number of cells outside solids that are without water at the start.
+    #[must_use]
+    pub fn cells_empty(&self, cells: [usize; 3], is_solid: impl Fn([f64; 3]) -> bool) -> f64 {
+        let mut empty = 0.0;
+        for [first, widths] in Columns::new(cells, self.axis, MOST_IN_SOLIDS).all() {
+            let weight = widths.iter().map(|width| real(*width)).product::<f64>();
+            let mut at = self.middle(first, widths);
+            let dry = (0..cells[self.axis]).filter(|n| {
+                at[self.axis] = (real(*n) + 0.5) * self.spacing;
+                self.depth(at) <= 0.0 && !is_solid(at)
+            });
+            empty += weight * real(dry.count());
+        }
+        empty
+    }
+
     /// Returns the number of cells that are wet in one of two columns and air in the other. `wet` are the wet cells of
     /// the first column.
     fn step_between(
