@@ -341,31 +341,32 @@ impl Ghosts {
         for run in &self.copies[..first] {
             run.copy(kinds);
         }
-        self.find_live(kinds, planes, everywhere);
-        for group in &self.groups {
-            let copies = &self.copies[group.copies.clone()];
-            self.live.each(group, copies, |run| run.copy(kinds));
-        }
         let (plane, ends) = (&self.plane, &self.planes);
         self.values.find(|end, ghost, m| {
             let first = ends[if end == 0 { 0 } else { 2 } + usize::from(ghost == (end == 1))];
             let first = first + plane[m * row];
             &kinds[first..first + row]
         });
+        self.find_live(kinds, planes, everywhere);
+        for group in &self.groups {
+            let copies = &self.copies[group.copies.clone()];
+            self.live.each(group, copies, |run| run.copy(kinds));
+        }
     }
 
-    /// Notes where cells may have changed.
+    /// Notes where cells may have changed, and the planes of the neighbours next to the surface: such a plane may be
+    /// full of water and still have no values, because none are received away from the surface.
     fn find_live(&mut self, kinds: &[u8], planes: &[Plane], everywhere: bool) {
         let last = self.live.planes.len() - 1;
         self.live.note(planes, everywhere);
         let row = self.around.cells[self.around.order[2]].max(1);
-        for (n, first) in [(0, self.planes[0]), (last, self.planes[3])] {
+        for (end, n, first) in [(0, 0, self.planes[0]), (1, last, self.planes[3])] {
             // Without a branch, so that many cells are compared at once.
             let is_active = |cell: &usize| {
                 let row = &kinds[first + cell..][..row];
                 row.iter().fold(false, |any, &kind| any | (kind > LIQUID))
             };
-            if self.plane.iter().step_by(row).any(is_active) {
+            if self.values.is_near(end) || self.plane.iter().step_by(row).any(is_active) {
                 (self.live.planes[n], self.live.whole[n]) = (LINGER, LINGER);
             }
         }
@@ -380,8 +381,9 @@ impl Ghosts {
         of_cell: impl Fn(usize) -> Moments,
     ) {
         // Away from the surface the fill level follows from the kind.
-        for (end, first) in [self.planes[0], self.planes[3]].into_iter().enumerate() {
-            if !everywhere && !self.values.is_near(end) {
+        let last = self.live.planes.len() - 1;
+        for (n, first) in [(0, self.planes[0]), (last, self.planes[3])] {
+            if !everywhere && self.live.planes[n] == 0 {
                 continue;
             }
             for cell in self.plane.iter().map(|cell| first + cell) {

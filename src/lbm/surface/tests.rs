@@ -1,4 +1,5 @@
 mod bodies;
+mod cuts;
 mod drops;
 mod films;
 mod momentum;
@@ -15,7 +16,11 @@ use crate::gpu::Device;
 use crate::lattice::VelocitySet;
 use crate::quanta::from_quanta;
 use crate::saturation::SaturationMethod;
+use crate::turbulence::EddyViscosity;
 use decomposition::{Domain, SplitAxis};
+
+/// Axes along which the slabs may be cut.
+const AXES: [SplitAxis; 3] = [SplitAxis::X, SplitAxis::Y, SplitAxis::Z];
 
 const EVERYWHERE: [[f64; 2]; 3] = [[f64::NEG_INFINITY, f64::INFINITY]; 3];
 
@@ -40,6 +45,7 @@ pub(super) struct Tank {
     pub(super) streams: Vec<Stream>,
     pub(super) solids: Vec<[usize; 3]>,
     saturation: Option<SaturationMethod>,
+    turbulence: Option<EddyViscosity>,
     /// Vertical axis for the order of the axes in memory.
     pub(super) surface_axis: Option<usize>,
 }
@@ -64,6 +70,7 @@ impl Tank {
             streams: Vec::new(),
             solids: Vec::new(),
             saturation: None,
+            turbulence: None,
             surface_axis: Some(1),
         }
     }
@@ -103,13 +110,26 @@ impl Tank {
         slips.chain(open).chain(streams).collect()
     }
 
+    /// Returns the domain on one rank.
+    pub(super) fn domain(&self) -> Domain {
+        let planes = self.cells[self.split];
+        Domain::serial(AXES[self.split], planes, self.periodic[self.split])
+    }
+
     /// Returns the stationary fluid with these fill levels and the pressure of its own column.
     pub(super) fn fill(&self, level: impl Fn([usize; 3]) -> f64 + Sync) -> Fluid<f64> {
+        let mut fluid = self.empty(&self.domain());
+        self.pour(&mut fluid, level);
+        fluid
+    }
+
+    /// Returns the slab of this rank without water.
+    pub(super) fn empty(&self, domain: &Domain) -> Fluid<f64> {
         let setup = Setup {
             set: self.set,
             operator: self.operator,
             relaxation_time: self.tau,
-            turbulence: None,
+            turbulence: self.turbulence,
             force: Force::Constant([self.slope[0], -self.gravity, self.slope[1]]),
             cells: self.cells,
             periodic: self.periodic,
@@ -120,14 +140,13 @@ impl Tank {
             surface_axis: self.surface_axis,
             terms: Vec::new(),
         };
-        let axes = [SplitAxis::X, SplitAxis::Y, SplitAxis::Z];
-        let domain = Domain::serial(
-            axes[self.split],
-            self.cells[self.split],
-            self.periodic[self.split],
-        );
-        let mut fluid = Fluid::new(setup, &domain).unwrap();
-        fluid.open_surface(&domain).unwrap();
+        let mut fluid = Fluid::new(setup, domain).unwrap();
+        fluid.open_surface(domain).unwrap();
+        fluid
+    }
+
+    /// Fills a slab with stationary water of these fill levels and the pressure of its own column.
+    pub(super) fn pour(&self, fluid: &mut Fluid<f64>, level: impl Fn([usize; 3]) -> f64 + Sync) {
         let solids = self.solids.iter();
         let solids: Vec<usize> = solids
             .map(|at| fluid.populations().interior_cell(*at))
@@ -149,7 +168,6 @@ impl Tank {
             (3.0 * self.gravity * depth, [0.0; 3])
         });
         fluid.fill(&level);
-        fluid
     }
 }
 

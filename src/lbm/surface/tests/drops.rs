@@ -5,7 +5,6 @@ use super::{Tank, bits, mass, step};
 use crate::fluid::Fluid;
 use crate::surface::SurfaceTension;
 use crate::surface::kind::LIQUID;
-use decomposition::{Domain, SplitAxis};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Contact angles of 90 degrees at all walls.
@@ -18,14 +17,11 @@ fn stretched(
     (tension, contact_angles): (f64, [[f64; 2]; 3]),
 ) -> Fluid<f64> {
     let mut fluid = tank.fill(level);
-    let axes = [SplitAxis::X, SplitAxis::Y, SplitAxis::Z];
-    let split = tank.split;
-    let domain = Domain::serial(axes[split], tank.cells[split], tank.periodic[split]);
     let settings = SurfaceTension {
         tension,
         contact_angles,
     };
-    fluid.add_surface_tension(settings, &domain).unwrap();
+    fluid.add_surface_tension(settings, &tank.domain()).unwrap();
     fluid
 }
 
