@@ -49,7 +49,7 @@ pub enum Parity {
 }
 
 /// Positions in the whole array of the two numbers at the ends of a link from cell x along direction i.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Link {
     /// Slot ī of x.
     pub near: u32,

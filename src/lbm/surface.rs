@@ -97,7 +97,7 @@ pub use tension::SurfaceTension;
 
 use super::lanes::Stored;
 use super::lattice::Velocities;
-use super::populations::Populations;
+use super::populations::{Link, Populations};
 use super::quanta::{from_quanta, quanta};
 use batch::Batch;
 use bodies::Bodies;
@@ -108,6 +108,7 @@ use ghosts::Ghosts;
 use jump::{CapillaryJump, NoJump};
 use kind::{ENCLOSED, GAS, HELD, LIQUID, SOLID, STRAY, SURFACE, is_surface, is_wet};
 use lists::Plane;
+use std::collections::HashSet;
 use stencil::with_set;
 use tension::SlabTension;
 
@@ -124,7 +125,7 @@ pub struct SlabSurface {
     batches: Vec<Batch>,
     ghosts: Ghosts,
     work: conversion::Work,
-    /// Cells and directions of links that a symmetry plane reflects into a solid: they bounce back.
+    /// Cells and directions of links that a symmetry plane reflects into a solid, not into an opening: they bounce back.
     corners: Vec<(u32, u8)>,
     /// Bodies in the cells; none for water without bodies.
     bodies: Option<Box<Bodies>>,
@@ -245,7 +246,7 @@ impl SlabSurface {
             self.cells.mass[cell] = 1.0 + populations.moments(cell).0;
         }
         self.settle(populations, false);
-        self.corners = self.ghosts.around().corners(populations, &self.cells);
+        self.list_corners(populations);
     }
 
     /// Restores the cells at a restart, after the populations; `saved` has one entry for each of `cells`.
@@ -268,7 +269,18 @@ impl SlabSurface {
         }
         self.restored = true;
         self.settle(populations, false);
-        self.corners = self.ghosts.around().corners(populations, &self.cells);
+        self.list_corners(populations);
+    }
+
+    /// Lists the links that a symmetry plane reflects into a solid, except for those through openings, which have their
+    /// own laws.
+    fn list_corners<S: Stored>(&mut self, populations: &Populations<S>) {
+        let open: HashSet<Link> = self.openings.iter().flat_map(Opening::crossed).collect();
+        let corners = self.ghosts.around().corners(populations, &self.cells);
+        let corners = corners.into_iter().filter(|&(cell, direction)| {
+            !open.contains(&populations.link(cell as usize, usize::from(direction)))
+        });
+        self.corners = corners.collect();
     }
 
     /// Returns kind, mass and undistributed excess of a cell.

@@ -220,6 +220,11 @@ impl Opening {
         }
     }
 
+    /// Returns the links through the opening.
+    pub(super) fn crossed(&self) -> impl Iterator<Item = Link> + '_ {
+        self.links.iter().map(|crossed| crossed.link)
+    }
+
     /// Returns the number of the patch.
     pub(super) fn patch(&self) -> usize {
         self.patch

@@ -174,6 +174,28 @@ fn a_jet_enters_a_dry_box() {
     assert!((1.0..1.6).contains(&widening), "{widening}");
 }
 
+/// Checks that a stream beside symmetry planes has the discharge of its velocity: water also passes the links through the
+/// edges.
+#[test]
+fn a_stream_beside_symmetry_planes_has_its_discharge() {
+    for cells in [[30, 16, 1], [24, 16, 4]] {
+        let mut tank = Tank::new(cells);
+        tank.slip_at = vec![(1, false)];
+        if cells[2] > 1 {
+            tank.slip_at.extend([(2, false), (2, true)]);
+        }
+        tank.streams = vec![((0, false), [0.0, 8.0], [0.03, 0.0, 0.0])];
+        tank.open_at = vec![(0, true, Outside::Air)];
+        let mut fluid = tank.fill(|[_, y, _]| f64::from(u8::from(y < 8)));
+        let before = mass(&fluid);
+        step(&mut fluid, 300);
+        closes(&fluid, before);
+        let [entered, _] = passed(&fluid);
+        let found = entered / (8.0 * cells[2] as f64 * 300.0 * 0.03);
+        assert!((found - 1.0).abs() < 5e-3, "{found}");
+    }
+}
+
 /// Checks that the bits depend neither on the axis of the slabs nor on the threads.
 #[test]
 fn openings_have_the_same_bits_along_any_axis_of_slabs() {
