@@ -172,7 +172,15 @@ fn openings_on_any_ranks_threads_and_slabs_and_over_restarts() {
     study.restart("parts", 3, &["time.end=0.1"]).expect(0);
     study.same("straight", "parts");
     let [straight, parts] = ["straight", "parts"].map(|run| study.summary(run)["water"].clone());
-    for key in ["mass", "entered", "left", "lost", "openings"] {
+    for key in [
+        "mass",
+        "mass_at_start",
+        "mass_error",
+        "entered",
+        "left",
+        "lost",
+        "openings",
+    ] {
         assert_eq!(straight[key], parts[key], "{key}");
     }
     let number = |key: &str| straight[key].as_f64().unwrap();

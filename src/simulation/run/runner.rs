@@ -24,6 +24,9 @@ use preparation::supervision::{Request, Requests};
 use serde_json::{Value, json};
 use std::time::Instant;
 
+/// Name of the mass of the water at the start of the run in a checkpoint, as bits.
+pub(super) const INITIAL_MASS: &str = "initial_mass";
+
 pub(super) struct Runner<Sp: Space, S: SavedNumber> {
     pub(super) simulation: Simulation<Sp, S>,
     pub(super) folder: RunFolder,
@@ -41,6 +44,7 @@ pub(super) struct Runner<Sp: Space, S: SavedNumber> {
     pub(super) cheaper_slabs: Option<Slabs>,
     pub(super) first_step: u64,
     pub(super) notes: Value,
+    /// Mass of the water at the start of the run, also after a restart.
     pub(super) initial_mass: f64,
     /// Marker of the table lengths at checkpoints; on the first rank.
     pub(super) marker: Marker,
@@ -388,6 +392,8 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         recorders.write(&mut attributes)?;
         attributes["typical_radius"] = self.notes["typical_radius"].clone();
         attributes["notes"] = self.notes.clone();
+        // Stored as bits, so that nothing is rounded.
+        attributes[INITIAL_MASS] = json!(self.initial_mass.to_bits());
         let names = resume::tables(&simulation.now.plan);
         let tables = RankGroup(simulation.now.domain.communicator()).on_root(|| {
             let names = names.iter().map(String::as_str);

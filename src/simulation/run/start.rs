@@ -19,7 +19,7 @@ use super::Start;
 use super::grains::{self, Grains};
 use super::outside::Outside;
 use super::restore::{self, Origin, Parts};
-use super::runner::Runner;
+use super::runner::{INITIAL_MASS, Runner};
 use super::warm_up::{Reached, warm_up};
 use ::preparation::rest::EarlyBreak;
 use base::error::Error;
@@ -32,6 +32,7 @@ use decomposition::{Communicator, Domain, Slabs};
 use dem::Dem;
 use dem::particles::Particles;
 use dem::space::Space;
+use io::checkpoint::Found;
 use io::marks::Marker;
 use lbm::fluid::Fluid;
 use lbm::initial::Field;
@@ -90,6 +91,8 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         runner.may_cut = may_cut;
         if origin.runs() {
             runner.newest_checkpoint = Some(runner.first_step);
+            let saved = origin.found().and_then(saved_initial_mass);
+            runner.initial_mass = saved.unwrap_or(runner.initial_mass);
         } else {
             runner.record_first()?;
         }
@@ -187,6 +190,13 @@ fn read_field(plan: &Plan, origin: &Origin) -> Result<Option<Box<dyn Field>>, Er
         },
         _ => Ok(None),
     }
+}
+
+/// Returns the mass of the water at the start of the run of a checkpoint, so that its balance includes the time before
+/// the restart; `None` if the checkpoint does not contain it.
+fn saved_initial_mass(found: &Found) -> Option<f64> {
+    let bits = found.manifest.attributes[INITIAL_MASS].as_u64()?;
+    Some(f64::from_bits(bits)).filter(|mass| mass.is_finite())
 }
 
 /// Returns slabs of equal cost; may measure the speed of the machine for this. Collective.
