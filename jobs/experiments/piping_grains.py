@@ -8,12 +8,19 @@ from solver_results import open_run
 
 DIAMETER, VISCOSITY, GRAVITY, EXCESS, FRICTION, BEDDING = 1e-3, 5e-6, 9.81, 1.5, 20.0, 37.0
 CHAMBER, DITCH, OVERHEAD, LOOSE = 2, 4, 3, 0.3
-# Packings for each length of the cover in diameters.
+# Packings for each length of the cover in diameters, and the largest H/L of the ramp. That of 240 diameters, a row of its own, ends where the front of the others
+# has passed 0.9 L, before the water breaks through.
 PACKINGS = {30: 5, 60: 5, 120: 3}
-RAMP = ((0.0, 0.0), (0.1, 0.2), (1.2, 0.65))
+LARGEST = {30: 0.65, 60: 0.65, 120: 0.65, 240: 0.5}
+RISE = 0.45 / 1.1
 # Heads over L that stay, for the first packing.
 HELD = {30: (0.3, 0.36, 0.46), 60: (0.4, 0.5)}
 FRONTS = (0.25, 0.5, 0.9)
+
+
+def ramp(length):
+    """Returns the ramp of a length: times and heads over L, the same for each length up to its end."""
+    return (0.0, 0.0), (0.1, 0.2), (round(0.1 + (LARGEST[length] - 0.2) / RISE, 9), LARGEST[length])
 
 
 def stay(head):
@@ -31,12 +38,12 @@ def metres(*diameters):
     return [round(value * DIAMETER, 7) for value in diameters]
 
 
-def settings(length, seed, ramp):
+def settings(length, seed, path):
     """Returns the values of a run: all lengths and the table of the pressures, half of the head on each side of zero."""
     bed = depth(length)
     start, stop = CHAMBER + length, CHAMBER + length + DITCH
     size = [stop + math.ceil(bed / 2) + 3, bed + OVERHEAD]
-    pressure = [[time, round(500 * GRAVITY * head * length * DIAMETER, 6)] for time, head in ramp]
+    pressure = [[time, round(500 * GRAVITY * head * length * DIAMETER, 6)] for time, head in path]
     boundaries = "fluid.lattice_boltzmann.boundaries"
     return {
         "domain.size": metres(*size),
@@ -57,7 +64,7 @@ def settings(length, seed, ramp):
         "grains.cut[0].box.to": metres(stop, size[1]),
         "regions[0].box.from": metres(start, bed - 2.2),
         "regions[0].box.to": metres(stop, size[1]),
-        "time.end": ramp[-1][0],
+        "time.end": path[-1][0],
     }
 
 
@@ -72,9 +79,9 @@ def front(moved, start, length):
     return reach
 
 
-def course(folder, length, ramp):
+def course(folder, length, path):
     """Returns the rows of a run: time, head over L, front over L, mean displacement below the cover and discharge over head."""
-    times, heads = zip(*ramp)
+    times, heads = zip(*path)
     rows, start, last = [], None, None
     with open_run(folder) as results:
         discharge = results.probes["discharge"].groupby("time").discharge.mean()
@@ -133,42 +140,48 @@ def exponent(lengths, heads):
 
 
 def held():
-    """Runs heads that stay and returns their courses."""
-    rows, folders = [], []
+    """Runs heads that stay and returns their courses and folders."""
+    courses = []
     for length, heads in HELD.items():
         for head in heads:
-            folders.append(run(f"piping_grains/{length}-held-{head}", "piping_grains/case.json", settings(length, 1, stay(head)), may_fail=True))
-            rows += [(length, 1, head, *row) for row in course(folders[-1], length, stay(head))]
-    return rows, folders
+            folder = run(f"piping_grains/{length}-held-{head}", "piping_grains/case.json", settings(length, 1, stay(head)), may_fail=True)
+            courses.append(([(length, 1, head, *row) for row in course(folder, length, stay(head))], folder))
+    return courses
 
 
-def main():
+def tables(packings, name, steady=()):
+    """Runs packings of each length, and writes their tables with the courses and folders of heads that stay."""
     rows, answers, curves, folders, points = [], [], [], [], []
-    for length, count in PACKINGS.items():
+    for length, count in packings.items():
         values = []
         for seed in range(1, count + 1):
-            folders.append(run(f"piping_grains/{length}-{seed}", "piping_grains/case.json", settings(length, seed, RAMP), may_fail=True))
-            part = course(folders[-1], length, RAMP)
+            folders.append(run(f"piping_grains/{length}-{seed}", "piping_grains/case.json", settings(length, seed, ramp(length)), may_fail=True))
+            part = course(folders[-1], length, ramp(length))
             curves += [(length, seed, "ramp", *row) for row in part]
             kappa = permeability(part, length)
             values.append((*answers_of(part), kappa, rule(kappa, length, BEDDING), rule(kappa, length, FRICTION)))
             points.append((length, values[-1]))
             rows.append((length, seed, *map(float, values[-1])))
-        for name, column in zip((*NAMES, "permeability_over_d2", "rule_37_degrees", "rule_20_degrees"), zip(*values)):
+        for quantity, column in zip((*NAMES, "permeability_over_d2", "rule_37_degrees", "rule_20_degrees"), zip(*values)):
             column = [value for value in column if not math.isnan(value)]
             if column:
-                answers.append((length, name, len(column), *map(float, interval(column))))
-    for index, name in enumerate(NAMES):
+                answers.append((length, quantity, len(column), *map(float, interval(column))))
+    for index, quantity in enumerate(NAMES):
         good = [(length, value[index]) for length, value in points if not math.isnan(value[index])]
         if len({length for length, _ in good}) > 1:
             slope, half = exponent(*zip(*good))
-            answers.append(("all", f"exponent_{name}", len(good), slope, "", half))
-    steady, more = held()
-    curves += steady
-    table("piping_grains_runs", ["length_over_d", "packing", *(f"gradient_{name}" for name in NAMES), "permeability_over_d2", "rule_37_degrees", "rule_20_degrees"], rows)
-    table("piping_grains_curves", ["length_over_d", "packing", "head", "time_s", "gradient", "front_over_length", "median_displacement_over_d", "discharge_over_head_m_s"], curves)
-    note = f"gradients are H/L; processor time: {seconds(folders + more):.0f} s"
-    table("piping_grains", ["length_over_d", "quantity", "packings", "mean", "scatter", "half_width_95"], answers, note)
+            answers.append(("all", f"exponent_{quantity}", len(good), slope, "", half))
+    for part, folder in steady:
+        curves += part
+        folders.append(folder)
+    table(f"{name}_runs", ["length_over_d", "packing", *(f"gradient_{quantity}" for quantity in NAMES), "permeability_over_d2", "rule_37_degrees", "rule_20_degrees"], rows)
+    table(f"{name}_curves", ["length_over_d", "packing", "head", "time_s", "gradient", "front_over_length", "median_displacement_over_d", "discharge_over_head_m_s"], curves)
+    note = f"gradients are H/L; processor time: {seconds(folders):.0f} s"
+    table(name, ["length_over_d", "quantity", "packings", "mean", "scatter", "half_width_95"], answers, note)
+
+
+def main():
+    tables(PACKINGS, "piping_grains", held())
 
 
 if __name__ == "__main__":

@@ -1,18 +1,19 @@
 """A round jet on a bed of beads in three dimensions: threshold as Shields numbers at two distances, and the free jet compared with Schlichting (1933)."""
 
 import numpy as np
-from runs import interval, run, seconds, table
+from runs import extend, interval, run, seconds, table
 from solver_results import open_run
 
 NOZZLE, VISCOSITY, DIAMETER, CENTRE = 0.002, 1e-5, 1e-3, 0.005
 WEIGHT = 1.5 * 9.81 * DIAMETER
-# Heights of the box [m], packings of each, and time steps [s].
-HEIGHTS, PACKINGS, STEPS = {"near": 0.008, "far": 0.0115}, {"near": (1, 2), "far": (1,)}, {"near": 5e-5, "far": 4e-5, "free": 4e-5}
-# Mean velocities at the nozzle [m/s], the time that each of them stays and that of the rise to it [s].
-SPEEDS = {"near": (0.1, 0.11, 0.12, 0.13, 0.14, 0.15, 0.16), "far": (0.12, 0.135, 0.15, 0.165, 0.18, 0.195, 0.21), "free": (0.12, 0.16, 0.2)}
-STAYS, RISE = {"near": 0.06, "far": 0.06, "free": 0.12}, 0.005
+# Heights of the box [m], packings, spacings of the cells [m] and time steps [s].
+HEIGHTS, PACKINGS = {"near": 0.008, "far": 0.0115}, (1, 2, 3)
+SPACINGS, STEPS = {"near": 1.25e-4, "far": 1.25e-4, "free": 1 / 6000}, {"near": 3e-5, "far": 3e-5, "free": 4e-5}
+# Mean velocities at the nozzle [m/s], the time that each of them stays and that of the rise to it [s]. A run with beads ends after the step of the crater.
+SPEEDS = {"near": (0.14, 0.16, 0.18, 0.2, 0.22, 0.24), "far": (0.14, 0.16, 0.18, 0.2, 0.22, 0.24), "free": (0.12, 0.16, 0.2)}
+STAYS, RISE = {"near": 0.15, "far": 0.15, "free": 0.12}, 0.005
 FREE = 0.0135
-# Numbers of beads that have moved by a diameter at the threshold; the first was chosen before the runs, the second after the first run.
+# Beads that have moved by a diameter: the first one, and those of a crater.
 BEADS = (1, 10)
 BOUNDARIES = "fluid.lattice_boltzmann.boundaries"
 
@@ -30,6 +31,7 @@ def settings(name, height, changes):
     side = 0.01
     return {
         "domain.size": [side, side, height],
+        "domain.spacing": SPACINGS[name],
         f"{BOUNDARIES}[0].patch.to": [0.006, 0.006, height],
         f"{BOUNDARIES}[0].condition.velocity.history": stairs(name),
         f"{BOUNDARIES}[1].patch.to": [0, side, height],
@@ -39,7 +41,7 @@ def settings(name, height, changes):
         "fluid.lattice_boltzmann.time_step": STEPS[name],
         "probes[0].at.line.to": [0.005, 0.005, round(height - 1e-4, 6)],
         "probes[0].at.line.points": round(height / 1e-4) - 1,
-        "time.end": round(len(SPEEDS[name]) * STAYS[name], 6),
+        "time.end": STAYS[name] * (len(SPEEDS[name]) if name == "free" else 1),
     } | changes
 
 
@@ -66,25 +68,48 @@ def schlichting(distances, velocities, speed):
     return slope / (8 / (speed * NOZZLE / VISCOSITY)), offset / slope
 
 
-def threshold(folder, part, beads=1):
-    """Returns the time at which so many beads below the jet lie `part` diameters from their places at the start, the distance of the farthest from the axis, and
-    the surface there.
+def surface(grains):
+    """Returns the height of the bed on the axis: the mean of the highest beads at nine points within one diameter [m]."""
+    points = CENTRE + DIAMETER * np.mgrid[-1:2, -1:2].reshape(2, -1).T
+    tops = grains.positions[:, 2] + grains["radius"]
+    return float(np.mean([tops[np.linalg.norm(grains.positions[:, :2] - point, axis=1) < 0.75 * DIAMETER].max(initial=0) for point in points]))
 
-    Below the jet is within three diameters of the axis; the surface is the mean of the highest beads at nine points within one diameter.
+
+def surfaces(folder):
+    """Returns the height of the bed on the axis at the start and at the end of a run [m]."""
+    with open_run(folder) as results:
+        series = list(results.grains)
+        return surface(series[0]), surface(series[-1])
+
+
+def threshold(folder, part, beads=1):
+    """Returns the time at which so many beads below the jet lie `part` diameters from their places at the start, and the distance of the farthest from the axis.
+
+    Below the jet is within three diameters of the axis.
     """
     with open_run(folder) as results:
         series = list(results.grains)
-        order = np.argsort(series[0]["id"])
-        start, radii = series[0].positions[order], series[0]["radius"][order]
+        start = series[0].positions[np.argsort(series[0]["id"])]
         off = np.linalg.norm(start[:, :2] - CENTRE, axis=1)
-        points = CENTRE + DIAMETER * np.mgrid[-1:2, -1:2].reshape(2, -1).T
-        surface = np.mean([(start[:, 2] + radii)[np.linalg.norm(start[:, :2] - point, axis=1) < 0.75 * DIAMETER].max() for point in points])
         below = off < 3 * DIAMETER
         for grains in series[1:]:
             moved = np.linalg.norm(grains.positions[np.argsort(grains["id"])] - start, axis=1) * below
             if np.sort(moved)[-beads] > part * DIAMETER:
-                return grains.time, float(off[moved.argmax()] / DIAMETER), float(surface)
-    return None, None, float(surface)
+                return grains.time, float(off[moved.argmax()] / DIAMETER)
+    return None, None
+
+
+def climb(name, seed):
+    """Runs a packing step by step up to the crater or the last velocity, and returns its folder and the number of steps."""
+    height = HEIGHTS[name]
+    changes = {"grains.initial.deposition.seed": seed, "grains.initial.deposition.box.to": [0.01, 0.01, round(height - 1e-4, 6)]}
+    folder = run(f"round-jet/{name}-{seed}", "round_jet/case.json", settings(name, height, changes), may_extend=True)
+    with open_run(folder) as results:
+        steps = round(list(results.grains)[-1].time / STAYS[name])
+    while steps < len(SPEEDS[name]) and threshold(folder, 1.0, BEADS[-1])[0] is None:
+        steps += 1
+        extend(folder, round(steps * STAYS[name], 6))
+    return folder, steps
 
 
 def bounds(name, time, distance, origin):
@@ -96,42 +121,50 @@ def bounds(name, time, distance, origin):
     return rows
 
 
-def main():
+def study(name, title):
+    """Runs the packings at a distance and the free jet, and writes their tables."""
     flow = {"grains": None, "contact": None, "box_walls": [], "box_wall_material": None, "coupling": None, "output.grains": None}
     corners = ((0, 0), (0.01, 0), (0, 0), (0, 0.01))
     flow |= {f"{BOUNDARIES}[{place}].patch.from": [*corner, 0] for place, corner in enumerate(corners, start=1)}
     folders, rows, found = [], [], {}
-    for name, height in HEIGHTS.items():
-        for seed in PACKINGS[name]:
-            changes = {"grains.initial.deposition.seed": seed, "grains.initial.deposition.box.to": [0.01, 0.01, round(height - 1e-4, 6)]}
-            folder = run(f"round-jet/{name}-{seed}", "round_jet/case.json", settings(name, height, changes))
-            folders.append(folder)
-            found[name, seed] = threshold(folder, 0.25)[0], {beads: threshold(folder, 1.0, beads) for beads in BEADS}
+    for seed in PACKINGS:
+        folder, steps = climb(name, seed)
+        folders.append(folder)
+        found[seed] = threshold(folder, 0.25)[0], {beads: threshold(folder, 1.0, beads) for beads in BEADS}, surfaces(folder), steps
     folders.append(run("round-jet/free", "round_jet/case.json", settings("free", FREE, flow)))
     distances, profiles = axis(folders[-1], FREE)
     slope, origin = schlichting(distances, profiles[-1], SPEEDS["free"][-1])
     answers = []
-    for name, beads in ((name, beads) for name in HEIGHTS for beads in BEADS):
+    for beads in BEADS:
         values = []
-        for seed in PACKINGS[name]:
-            first, (time, place, surface) = found[name, seed][0], found[name, seed][1][beads]
-            distance = HEIGHTS[name] - surface
+        for seed in PACKINGS:
+            first, erosion, (start, end), steps = found[seed]
+            time, place = erosion[beads]
+            distance, crater = HEIGHTS[name] - start, (start - end) / DIAMETER
             if time is None:
-                rows.append((name, beads, seed, distance / NOZZLE, f"above {SPEEDS[name][-1]}", "", "", "", first or "", "", ""))
+                rows.append((name, beads, seed, distance / NOZZLE, f"above {SPEEDS[name][steps - 1]}", "", "", "", first or "", "", "", crater))
                 continue
             low, high = bounds(name, time, distance, origin)
-            values.append([0.5 * (one + other) for one, other in zip(low, high)])
-            rows.append((name, beads, seed, distance / NOZZLE, *(f"{one:.4g} to {other:.4g}" for one, other in zip(low, high)), first, time, place))
+            if low[0] == 0:
+                words = [f"at most {other:.4g}" for other in high]
+            else:
+                values.append([0.5 * (one + other) for one, other in zip(low, high)])
+                words = [f"{one:.4g} to {other:.4g}" for one, other in zip(low, high)]
+            rows.append((name, beads, seed, distance / NOZZLE, *words, first, time, place, crater))
         for quantity, column in zip(("speed", "reynolds_of_jet", "shields_of_jet", "shields_local"), zip(*values)):
-            answers.append((name, beads, quantity, *map(float, interval(column))))
+            answers.append((name, beads, quantity, len(column), *map(float, interval(column))))
     last = f"free jet of {SPEEDS['free'][-1]} m/s"  # the slower ones have not reached their length yet
-    answers += [(last, "", "slope_over_schlichting", float(slope), "", ""), (last, "", "virtual_origin_over_nozzle", float(origin), "", "")]
+    answers += [(last, "", "slope_over_schlichting", 1, float(slope), "", ""), (last, "", "virtual_origin_over_nozzle", 1, float(origin), "", "")]
     columns = ["distance", "beads", "packing", "distance_over_nozzle", "speed_m_s", "reynolds_of_jet", "shields_of_jet", "shields_local", "moved_by_a_quarter_s",
-               "moved_by_a_diameter_s", "distance_from_axis_d"]
-    table("round_jet_runs", columns, rows, "from the last step that holds to the first that erodes")
+               "moved_by_a_diameter_s", "distance_from_axis_d", "crater_depth_at_end_d"]
+    table(f"{title}_runs", columns, rows, "from the last step that holds to the first that erodes; the first step has none before it")
     curves = [(float(x / NOZZLE), *map(float, u)) for x, u in zip(distances, profiles.T)][::4]
-    table("round_jet_axis", ["distance_over_nozzle", *(f"velocity_over_mean_at_{speed}" for speed in SPEEDS["free"])], curves)
-    table("round_jet", ["distance", "beads", "quantity", "mean", "scatter", "half_width_95"], answers, f"processor time: {seconds(folders):.0f} s")
+    table(f"{title}_axis", ["distance_over_nozzle", *(f"velocity_over_mean_at_{speed}" for speed in SPEEDS["free"])], curves)
+    table(title, ["distance", "beads", "quantity", "packings", "mean", "scatter", "half_width_95"], answers, f"processor time: {seconds(folders):.0f} s")
+
+
+def main():
+    study("near", "round_jet")
 
 
 if __name__ == "__main__":

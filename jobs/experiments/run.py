@@ -1,20 +1,28 @@
 """Runs the rows of the table in README.md again.
 
     python3 jobs/experiments/run.py NAME ...
-                                      columns, jet, round-jet, chimney, heap, laboratory, triaxial, jet-erosion, backward-erosion, piping-grains
 """
 
 import importlib
 import sys
 
-ROWS = {"columns": "columns", "heap": "heap", "laboratory": "laboratory", "triaxial": "triaxial", "jet": "jet", "round-jet": "round_jet", "chimney": "chimney",
-        "jet-erosion": "jet_erosion", "backward-erosion": "backward_erosion", "piping-grains": "piping_grains"}
+ROWS = {"columns": "columns", "heap": "heap", "laboratory": "laboratory", "triaxial": "triaxial", "jet": "jet", "round-jet": "round_jet", "round-jet-far": "round_jet_far",
+        "chimney": "chimney",
+        "jet-erosion": "jet_erosion", "backward-erosion": "backward_erosion", "piping-grains": "piping_grains",
+        "piping-grains-240": "piping_grains_240"}
 
 
 def main():
     names = sys.argv[1:]
-    if not names or any(name not in ROWS for name in names):
-        sys.exit(f"{__doc__.strip()}\n\nrows: {', '.join(ROWS)}")
+    help_text = f"{__doc__.strip()}\n\nrows: {', '.join(ROWS)}"
+    if any(name in ("-h", "--help") for name in names):
+        print(help_text)
+        return
+    unknown = [name for name in names if name not in ROWS]
+    if unknown:
+        sys.exit(f"no row is called {', '.join(unknown)}\n\n{help_text}")
+    if not names:
+        sys.exit(help_text)
     for name in names:
         importlib.import_module(ROWS[name]).main()
 
