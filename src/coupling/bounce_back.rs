@@ -207,6 +207,10 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
 
 impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
     fn advance(&mut self, particles: &mut Particles<Sp>, domain: &Domain) -> Result<(), Error> {
+        if !self.map.is_empty() {
+            let map = &self.map;
+            self.fluid.cover_openings(|cell| map.is_closed(cell));
+        }
         let structures = self.structures.as_deref_mut();
         if advance_fluid(&mut self.fluid, structures, particles, domain)? {
             return Ok(());

@@ -343,6 +343,8 @@ pub struct Boundaries<S: Stored> {
     edges: Vec<EdgeLink>,
     walls: wall::Walls,
     open: covered::OpenCells,
+    /// First cell of the slab.
+    start: [usize; 3],
     /// Patches whose rules need sums over all ranks, and a buffer for the sums.
     summed: Vec<usize>,
     sums: Vec<u128>,
@@ -451,6 +453,7 @@ impl<S: Stored> Boundaries<S> {
             edges,
             walls: wall::Walls::new(walls, populations.cells()[slow]),
             open,
+            start: frame.start,
         }
     }
 
@@ -668,6 +671,21 @@ impl<S: Stored> Boundaries<S> {
         }
         for patch in &mut self.patches {
             patch.rule.apply_over_walls(populations, &moment);
+        }
+    }
+
+    /// Passes the solid fractions of cells to the rules, before [`Self::measure`]: `fraction` is the solid fraction of
+    /// a cell, by its position within an array and its indices in the slab. Earlier fractions are forgotten if `anew`.
+    pub fn cover(&mut self, anew: bool, fraction: impl Fn(usize, [usize; 3]) -> f64) {
+        let start = self.start;
+        let fraction = |cell: usize, at: [usize; 3]| {
+            fraction(cell, std::array::from_fn(|a| at[a].wrapping_sub(start[a])))
+        };
+        for patch in &mut self.patches {
+            if anew {
+                patch.rule.uncover();
+            }
+            patch.rule.cover(&fraction);
         }
     }
 

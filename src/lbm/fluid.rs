@@ -489,6 +489,14 @@ impl<S: Stored> Fluid<S> {
         }
         self.step += 1;
         let threads = self.workers(&interior);
+        if let Some(cover) = &self.cover {
+            let fraction = |cell: usize, _: [usize; 3]| cover.fraction(cell);
+            self.boundaries.cover(true, fraction);
+        }
+        if !self.closed.is_empty() {
+            let fraction = |cell: usize, _: [usize; 3]| self.closed.fraction(cell);
+            self.boundaries.cover(false, fraction);
+        }
         self.boundaries
             .measure(&self.populations, time, half, &self.communicator);
         self.boundaries.apply(
@@ -527,6 +535,12 @@ impl<S: Stored> Fluid<S> {
         let surface = self.surface.as_deref();
         let written = |plane: &isize| surface.is_none_or(|surface| surface.writes_to(*plane));
         wrap(&mut self.populations, planes.filter(written));
+    }
+
+    /// Passes the cells of the slab that bodies cover to the openings, before a step.
+    pub fn cover_openings(&mut self, covered: impl Fn([usize; 3]) -> bool) {
+        let fraction = |_: usize, local: [usize; 3]| f64::from(u8::from(covered(local)));
+        self.boundaries.cover(true, fraction);
     }
 
     /// Closes openings at cells of the slab covered by bodies, after a step, so that no water enters a body.

@@ -457,16 +457,26 @@ impl Scene {
         block.map(|block| &block.solid)
     }
 
-    /// Returns `true` if there are solids.
+    /// Returns `true` if bodies, grains or blocks move.
     #[must_use]
-    pub fn has_solids(&self) -> bool {
+    pub fn moves_solids(&self) -> bool {
+        let moves = |body: &bodies::NamedBody| body.mobility != bodies::Mobility::Fixed;
+        let loose = |blocks: &blocks::PlacedBlocks| blocks.fixed < blocks.number;
+        self.grains.is_some()
+            || self.bodies.iter().any(moves)
+            || self.blocks.as_ref().is_some_and(loose)
+            || self.generates_grains()
+    }
+
+    /// Returns `true` if regions generate grains.
+    fn generates_grains(&self) -> bool {
         let feeds = |region: &observe::ObservedRegion| {
             matches!(region.action, observe::RegionAction::Generate { .. })
         };
         self.grains.is_some()
             || self.blocks.is_some()
             || !self.bodies.is_empty()
-            || self.regions.iter().any(feeds)
+            || self.generates_grains()
     }
 
     /// Frees the listed grains once the run contains them; each takes some hundred bytes.

@@ -129,6 +129,7 @@ fn patch<S: Stored>(
     let path = format!("fluid.lattice_boltzmann.boundaries `{}`", patch.name);
     let mut place = patch.imposed_at(&plan.scene.grid, &path);
     place.openings = openings;
+    place.bodies_move = plan.scene.moves_solids();
     Ok(Patch {
         name: patch.name.clone(),
         axis,

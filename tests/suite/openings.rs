@@ -325,3 +325,52 @@ fn a_body_that_leaves_takes_its_inside_along() {
         assert!(compression < most, "{coupling}: {compression}");
     }
 }
+
+/// Checks that bodies which part the water of an outlet, push it out and draw it in again, do not make its pressure run
+/// away: neither with the state of the water at the outlet nor with its mean pressure. Two ranks give the same bits.
+#[test]
+fn outlets_hold_where_moving_bodies_part_their_water() {
+    let _beside = beside_others();
+    let case = |size: [f64; 2],
+                tau: f64,
+                boundaries: Value,
+                body: (f64, [f64; 2], Value),
+                end: f64| {
+        json!({
+            "domain": {"size": size, "spacing": 0.0005},
+            "materials": {"glass": {"density": 1500}},
+            "fluid": {"lattice_boltzmann": {
+                "density": 1000, "kinematic_viscosity": 1e-5, "relaxation_time": tau, "boundaries": boundaries}},
+            "bodies": [{"name": "disc", "shape": {"disc": {"radius": body.0}}, "position": body.1, "motion": body.2,
+                        "material": "glass"}],
+            "time": {"end": end},
+            "output": {}
+        })
+    };
+    let up = |condition: Value| json!([{"name": "out", "face": "y_max", "condition": condition}]);
+    let drives = json!({"driven": {"velocity": [0.0174, 0.0214],
+        "history": [[0, 0], [0.125, 1], [0.25, 1], [0.375, -1], [0.5625, -1], [0.625, 0]]}});
+    let piston = (0.0051, [0.01224, 0.00943], drives);
+    let outflow = case(
+        [0.026, 0.017],
+        0.55,
+        up(json!({"outflow": {}})),
+        piston,
+        0.625,
+    );
+    let right = json!([{"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0, "held": "mean"}}}]);
+    let leaves = (
+        0.0048,
+        [0.01159, 0.00548],
+        json!({"free": {"velocity": [0.001, 0]}}),
+    );
+    let mean = case([0.016, 0.012], 0.8, right, leaves, 3.75);
+    for (name, case) in [("outflow", outflow), ("mean", mean)] {
+        let study = Study::new(&case.to_string());
+        study.run("one", 1, 1, &[]);
+        study.run("two", 2, 1, &[]);
+        study.same("one", "two");
+        let compression = study.summary("one")["compression"].as_f64().unwrap();
+        assert!(compression < 0.1, "{name}: {compression}");
+    }
+}

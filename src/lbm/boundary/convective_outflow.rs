@@ -22,6 +22,11 @@
 //! behind bodies, the entering populations stay as they are: they would sum up an equal share of every step without
 //! bound.
 //!
+//! Solids that cover cells of the patch part its water: the means are those of the open parts of the cells. A mean does
+//! not determine the pressure of each part of the water, nor does the state of the water. Where bodies move, a cell
+//! with the pressure p therefore has the additional κ = K (p̄ - p), p̄ the mean over the patch, which lets a difference
+//! decay within 1/K steps and leaves the mean as it is.
+//!
 //! f_j(x, t) is read from the lattice before each pass, so that a restart needs only the value stored for the
 //! plane wave.
 
@@ -33,8 +38,8 @@
 use super::links::{LINKS_PER_THREAD, each_part, sums};
 use super::sound::{Forecast, PlaneWave, Sums};
 use super::{
-    BoundaryKind, BoundaryModel, Crossing, FaceLink, Giver, Place, Rule, RuleStep, from_quanta,
-    quanta,
+    BoundaryKind, BoundaryModel, Crossing, FaceLink, Giver, Opening, Place, Rule, RuleStep, Strength,
+    from_quanta, quanta,
 };
 use crate::lanes::Stored;
 use crate::populations::{Parity, Populations};
@@ -69,6 +74,10 @@ impl BoundaryModel for ConvectiveOutflow {
         true
     }
 
+    fn holds_pressure(&self, openings: &[Opening]) -> bool {
+        self.mean_pressure.is_some() || none_imposes_pressure(openings)
+    }
+
     fn rule<S: Stored>(
         &self,
         place: &Place<'_>,
@@ -85,6 +94,13 @@ impl BoundaryModel for ConvectiveOutflow {
             units,
         )))
     }
+}
+
+/// Returns `true` if no opening imposes a pressure, so that outflows hold the reference pressure as their mean.
+pub(super) fn none_imposes_pressure(openings: &[Opening]) -> bool {
+    openings
+        .iter()
+        .all(|opening| opening.strength != Strength::Pressure)
 }
 
 /// Velocity of the convection through the face.
@@ -128,6 +144,10 @@ impl Upstream {
 #[derive(Clone, Copy, Debug)]
 struct EnteringPopulation {
     cell: usize,
+    /// Indices of the cell in the domain.
+    at: [usize; 3],
+    /// Part of the cell that no solid covers.
+    open: f64,
     upstream: Upstream,
     /// Weight w_j of the direction.
     weight: f64,
@@ -151,6 +171,9 @@ impl EnteringPopulation {
 /// Velocity e \[cells per step\] below which water counts as at rest in the shares of cells in a mean pressure.
 const AT_REST: f64 = 1e-6;
 
+/// Rate K per step at which differences of the pressure over a patch decay where bodies move.
+const EVENS: f64 = 0.05;
+
 /// Mean pressure imposed on a patch.
 struct Held {
     wave: PlaneWave,
@@ -173,6 +196,8 @@ pub struct ConvectiveOutflowLinks {
     /// Data of the links.
     leaving: Vec<EnteringPopulation>,
     held: Option<Held>,
+    /// Rate K at which differences of the pressure decay, and the mean pressure p̄ of this step; none if no body moves.
+    evens: Option<[f64; 2]>,
 }
 
 impl ConvectiveOutflowLinks {
@@ -187,7 +212,35 @@ impl ConvectiveOutflowLinks {
             links: Vec::new(),
             leaving: Vec::new(),
             held: None,
+            evens: None,
         }
+    }
+
+    /// Returns the rule with differences of the pressure that decay, for a patch that moving bodies may reach.
+    #[must_use]
+    pub(super) fn evening(mut self, bodies_move: bool) -> Self {
+        self.evens = bodies_move.then_some([EVENS, 0.0]);
+        self
+    }
+
+    /// Returns the κ with which the pressure of the cell of a link approaches the mean, from all numbers of a slab.
+    fn evening_excess(&self, n: usize, number: impl Fn(usize) -> f64, parity: Parity) -> f64 {
+        let Some([rate, mean]) = self.evens else {
+            return 0.0;
+        };
+        let cell = self.leaving[n].cell;
+        let before = (0..n).rev().take_while(|k| self.leaving[*k].cell == cell);
+        let after = (n..self.leaving.len()).take_while(|k| self.leaving[*k].cell == cell);
+        let first = n - before.count();
+        let [mut momentum, mut area] = [0.0; 2];
+        for k in first..n + after.count() {
+            let leaving = &self.leaving[k];
+            let carried = leaving.carried(number(leaving.upstream.position(parity)));
+            let part = 6.0 * leaving.weight;
+            momentum += number(self.links[k].link.out(parity)) + carried - part * leaving.square;
+            area += part;
+        }
+        rate * (mean - momentum / area)
     }
 
     /// Returns the rule of an outflow of a case with its mean pressure \[Pa\]: 0 if no opening imposes one.
@@ -198,9 +251,8 @@ impl ConvectiveOutflowLinks {
         units: &LatticeUnits,
     ) -> Self {
         let face = place.site.face;
-        let links = Self::new((face.axis(), face.is_max()), speed);
-        let imposed = |opening: &super::Opening| opening.strength == super::Strength::Pressure;
-        let none_imposed = !place.openings.iter().any(imposed);
+        let links = Self::new((face.axis(), face.is_max()), speed).evening(place.bodies_move);
+        let none_imposed = none_imposes_pressure(place.openings);
         match mean_pressure.or(none_imposed.then_some(0.0)) {
             None => links,
             Some(pressure) => {
@@ -245,6 +297,8 @@ impl<S: Stored> Rule<S> for ConvectiveOutflowLinks {
         self.links.push(crossing.face_link());
         self.leaving.push(EnteringPopulation {
             cell: crossing.cell,
+            at: crossing.at,
+            open: 1.0,
             upstream: Upstream::new(crossing),
             weight: crossing.weight(),
             before: 0.0,
@@ -296,8 +350,25 @@ impl<S: Stored> Rule<S> for ConvectiveOutflowLinks {
         });
     }
 
+    fn cover(&mut self, fraction: &dyn Fn(usize, [usize; 3]) -> f64) {
+        let mut last = (usize::MAX, 1.0);
+        for leaving in &mut self.leaving {
+            // Links of one cell are contiguous.
+            if last.0 != leaving.cell {
+                last = (leaving.cell, 1.0 - fraction(leaving.cell, leaving.at));
+            }
+            leaving.open = leaving.open.min(last.1);
+        }
+    }
+
+    fn uncover(&mut self) {
+        for leaving in &mut self.leaving {
+            leaving.open = 1.0;
+        }
+    }
+
     fn sums(&self) -> bool {
-        self.held.is_some()
+        self.held.is_some() || self.evens.is_some()
     }
 
     fn measure(&self, populations: &Populations<S>, _: &RuleStep) -> Sums {
@@ -315,7 +386,7 @@ impl<S: Stored> Rule<S> for ConvectiveOutflowLinks {
                     area * leaving.outward,
                 ];
                 for (sum, term) in sums.iter_mut().zip(terms) {
-                    *sum += i128::from(quanta(term));
+                    *sum += i128::from(quanta(leaving.open * term));
                 }
             }
             sums
@@ -323,6 +394,12 @@ impl<S: Stored> Rule<S> for ConvectiveOutflowLinks {
     }
 
     fn receive_sums(&mut self, sums: Sums, moment: &RuleStep) {
+        if let Some([_, mean]) = &mut self.evens {
+            let [out, area, square, carried, _] = sums;
+            if area != 0 {
+                *mean = from_quanta(out + carried - square) / from_quanta(area);
+            }
+        }
         if let Some(held) = &mut self.held {
             let forecast = held.forecast.as_ref().map(|forecast| forecast(moment.step));
             held.wave
@@ -352,16 +429,23 @@ impl<S: Stored> Rule<S> for ConvectiveOutflowLinks {
             6.0 * held.wave.excess() / (held.outward + AT_REST)
         });
         each_part(count, LINKS_PER_THREAD, populations, |part, numbers| {
-            for (link, leaving) in self.links[part.clone()].iter().zip(&self.leaving[part]) {
+            // SAFETY: positions in the slab that the rule does not write.
+            let number = |position: usize| unsafe { numbers.add(position).read().to_f64() };
+            let mut last = (usize::MAX, 0.0);
+            for n in part {
+                let (link, leaving) = (&self.links[n], &self.leaving[n]);
                 let (from, to) = (
                     leaving.upstream.position(parity),
                     link.link.incoming(parity),
                 );
+                if last.0 != leaving.cell {
+                    last = (leaving.cell, 6.0 * self.evening_excess(n, number, parity));
+                }
                 // SAFETY: positions in the slab: of this link alone, and of a cell further inside that the rule
                 // does not write.
                 unsafe {
                     let upstream = numbers.add(from).read().to_f64();
-                    let excess = slope * (leaving.outward + AT_REST);
+                    let excess = slope * (leaving.outward + AT_REST) + last.1;
                     let value = leaving.weight.mul_add(excess, leaving.carried(upstream));
                     numbers.add(to).write(S::from_f64(value));
                 }

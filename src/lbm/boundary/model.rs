@@ -1,9 +1,9 @@
 //! Interface of a boundary of a case, in SI: its kind, its speed, pressure and inflow, and its rule on the lattice.
 
-use super::kind::{BoundaryKind, Inflow, SurfaceKind, WithSurface};
+use super::kind::{BoundaryKind, Inflow, Strength, SurfaceKind, WithSurface};
 use super::profile::ReadTable;
 use super::rule::Rule;
-use super::site::{Place, Site};
+use super::site::{Opening, Place, Site};
 use crate::lanes::Stored;
 use base::error::{Error, Report};
 use base::history::TimeTable;
@@ -78,6 +78,13 @@ pub trait BoundaryModel {
     /// it counts as the reference.
     fn pressure_floats(&self) -> bool {
         false
+    }
+
+    /// Returns `true` if the boundary determines the pressure of the water that it reaches, given the openings of the
+    /// domain.
+    fn holds_pressure(&self, openings: &[Opening]) -> bool {
+        let _ = openings;
+        self.kind().strength == Strength::Pressure
     }
 
     /// Returns the inflow into the domain; that through an opening follows from the flow unless it is imposed.

@@ -8,8 +8,8 @@
     reason = "comments are texts of the schema, with units in brackets: [m]"
 )]
 
-use super::convective_outflow::{Carried, ConvectiveOutflowLinks};
-use super::{BoundaryKind, BoundaryModel, Place, Rule};
+use super::convective_outflow::{Carried, ConvectiveOutflowLinks, none_imposes_pressure};
+use super::{BoundaryKind, BoundaryModel, Opening, Place, Rule};
 use crate::lanes::Stored;
 use base::error::Error;
 use base::units::LatticeUnits;
@@ -34,6 +34,10 @@ impl BoundaryModel for Outflow {
 
     fn pressure_floats(&self) -> bool {
         true
+    }
+
+    fn holds_pressure(&self, openings: &[Opening]) -> bool {
+        self.mean_pressure.is_some() || none_imposes_pressure(openings)
     }
 
     fn rule<S: Stored>(

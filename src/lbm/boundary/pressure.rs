@@ -213,7 +213,8 @@ impl BoundaryModel for Pressure {
             let links = convective_outflow::ConvectiveOutflowLinks::new(
                 (axis, face.is_max()),
                 Carried::Local,
-            );
+            )
+            .evening(place.bodies_move);
             return Ok(Box::new(
                 links.with_kind(KIND).holding(wave, density, forecast),
             ));

@@ -394,6 +394,7 @@ mod tests {
             to,
             ends: std::array::from_fn(|a| [from[a] as f64, to[a] as f64]),
             openings: &[],
+            bodies_move: false,
         };
         let units = LatticeUnits {
             spacing: 1.0,

@@ -86,6 +86,13 @@ pub trait Rule<S: Stored>: Send + Sync {
     /// Stores the data that the rule needs, before a pass.
     fn remember(&mut self, _populations: &Populations<S>, _half_force: [f64; 3]) {}
 
+    /// Receives the solid fraction of cells before the rule acts, by their positions within an array and their indices
+    /// in the domain; the larger one counts of several.
+    fn cover(&mut self, _fraction: &dyn Fn(usize, [usize; 3]) -> f64) {}
+
+    /// Forgets the solid fractions of all cells.
+    fn uncover(&mut self) {}
+
     /// Returns `true` if the rule needs sums over all ranks before it acts; equal on every rank and at every step.
     fn sums(&self) -> bool {
         false

@@ -36,6 +36,8 @@ pub struct Place<'a> {
     pub ends: [[f64; 2]; 3],
     /// All openings of the domain, including this one; empty if they are not known yet.
     pub openings: &'a [Opening],
+    /// `true` if bodies move in the water and may reach the boundary.
+    pub bodies_move: bool,
 }
 
 impl Place<'_> {

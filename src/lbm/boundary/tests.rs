@@ -103,6 +103,7 @@ fn leak<S: Stored>(returned: f64, tolerance: f64) -> f64 {
         to: [1, 4, 1],
         ends: [[0.0, 1.0], [1.0, 4.0], [0.0, 1.0]],
         openings: &[],
+        bodies_move: false,
     };
     let units = LatticeUnits {
         spacing: 1.0,

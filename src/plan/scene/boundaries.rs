@@ -60,6 +60,7 @@ impl ScenePatch {
             to: self.to,
             ends: self.ends,
             openings: &[],
+            bodies_move: false,
         }
     }
 }
