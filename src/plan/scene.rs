@@ -342,7 +342,12 @@ impl Scene {
         }
         let (grains, structures) = (solids.grains.as_ref(), &solids.structures);
         if let Some(flow) = flow.as_ref().filter(|_| surface.is_none()) {
-            blocked::check(flow, &grid, structures, findings);
+            let obstacles = blocked::Obstacles {
+                structures,
+                bodies: &solids.bodies,
+                blocks: solids.blocks.as_ref(),
+            };
+            blocked::check(flow, &grid, &obstacles, findings);
         }
         let seepage = seepage::Seepage::resolve(case, &grid, grains, structures, findings);
         let rock = (solids.blocks.as_ref(), solids.contact.as_ref());
@@ -473,6 +478,12 @@ impl Scene {
         let feeds = |region: &observe::ObservedRegion| {
             matches!(region.action, observe::RegionAction::Generate { .. })
         };
+        self.regions.iter().any(feeds)
+    }
+
+    /// Returns `true` if there are solids.
+    #[must_use]
+    pub fn has_solids(&self) -> bool {
         self.grains.is_some()
             || self.blocks.is_some()
             || !self.bodies.is_empty()

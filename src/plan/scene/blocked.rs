@@ -1,79 +1,65 @@
-//! Ways of the water of a lattice past structures: water that an opening imposes must reach another opening.
+//! Ways of the water of a lattice past solids that never move: water that an opening imposes must reach another
+//! opening, and water that leaves with its own state must reach an opening that holds a pressure.
 
-use super::boundaries::ScenePatch;
+use super::blocks::PlacedBlocks;
+use super::bodies::{Mobility, NamedBody};
+use super::boundaries::{ScenePatch, openings};
 use super::findings::Findings;
 use super::flow::{Flow, PATH};
 use super::grid::Grid;
 use super::structures::Structure;
-use base::number::real;
+use base::error::Remedy;
+use base::number::{real, whole};
 use case::geometry::Face;
+use dem::polyhedron::PlacedPolyhedron;
 use lbm::boundary::Inflow;
+use nalgebra::Vector3;
+use std::collections::BTreeMap;
 
 /// Maximum number of cells among which ways are sought.
 const MAX_CELLS: usize = 2_000_000;
-/// Part of the imposed flow that may remain without a way out: rounding.
-const ROUNDING: f64 = 1e-9;
-/// Mark of a cell inside a structure, and of one that was not reached yet.
+/// Part of the imposed flow that counts if it has no way out; less enters pockets between bodies and the face.
+const CONSIDERABLE: f64 = 0.25;
+/// Open part of an opening below which it does not hold the pressure of the water.
+const MOSTLY_COVERED: f64 = 0.25;
+/// Mark of a cell inside a solid, and of one that was not reached yet.
 const SOLID: u32 = u32::MAX;
 const NEW: u32 = u32::MAX - 1;
 
-/// Refuses openings whose imposed flow cannot leave because structures close the domain.
-pub(crate) fn check(flow: &Flow, grid: &Grid, structures: &[Structure], findings: &mut Findings) {
-    let solids: Vec<&Structure> = structures.iter().filter(|s| s.stops.water()).collect();
-    let imposes = |patch: &ScenePatch| {
-        let place = patch.imposed_at(grid, PATH);
-        matches!(patch.condition.model().largest_inflow(&place), Inflow::Mean(mean) if mean.abs() > 0.0)
-    };
-    if solids.is_empty()
+/// Solids of a scene that may never move.
+pub(crate) struct Obstacles<'a> {
+    pub(crate) structures: &'a [Structure],
+    pub(crate) bodies: &'a [NamedBody],
+    pub(crate) blocks: Option<&'a PlacedBlocks>,
+}
+
+/// Reports openings whose imposed flow cannot leave because solids close the domain, and openings with a free pressure
+/// in a part of the water that reaches no pressure.
+pub(crate) fn check(flow: &Flow, grid: &Grid, solids: &Obstacles<'_>, findings: &mut Findings) {
+    let stops = |structure: &&Structure| structure.stops.water();
+    let structures: Vec<&Structure> = solids.structures.iter().filter(stops).collect();
+    let fixed = |body: &&NamedBody| body.mobility == Mobility::Fixed;
+    let bodies: Vec<&NamedBody> = solids.bodies.iter().filter(fixed).collect();
+    let blocks = solids.blocks.iter().flat_map(|blocks| &blocks.list);
+    let blocks: Vec<&PlacedPolyhedron> = blocks
+        .filter(|block| block.fixed)
+        .map(|block| &block.solid)
+        .collect();
+    let stand = !bodies.is_empty() || !blocks.is_empty();
+    let opens = |patch: &ScenePatch| patch.condition.model().passes_water();
+    if structures.is_empty() && !stand
         || grid.cells.iter().product::<usize>() > MAX_CELLS
-        || !flow.faces.iter().flatten().any(imposes)
+        || !flow.patches().any(opens)
     {
         return;
     }
-    let part = parts(grid, &solids);
-    let count = part.iter().filter(|p| **p < NEW).max().map_or(0, |p| p + 1);
-    let mut sums = vec![[0.0; 2]; count as usize];
-    let mut free = vec![false; count as usize];
-    let mut first: Vec<Option<&ScenePatch>> = vec![None; count as usize];
-    for face in Face::ALL {
-        for cell in face_cells(grid, face) {
-            let found = part[index(grid, cell)];
-            let holds = |patch: &&ScenePatch| {
-                let others = (0..3).filter(|a| *a != face.axis());
-                others
-                    .clone()
-                    .all(|a| (patch.from[a]..patch.to[a]).contains(&cell[a]))
-            };
-            let patches = flow.faces[face.index()].iter().rev();
-            let Some(patch) = patches.clone().find(holds).filter(|_| found < NEW) else {
-                continue;
-            };
-            let n = found as usize;
-            match patch
-                .condition
-                .model()
-                .largest_inflow(&patch.imposed_at(grid, PATH))
-            {
-                Inflow::None => {}
-                Inflow::Any => free[n] = true,
-                Inflow::Mean(mean) => {
-                    sums[n][0] += mean;
-                    sums[n][1] += mean.abs();
-                    first[n] = first[n].or(Some(patch));
-                }
-            }
-        }
-    }
-    for (n, patch) in first.iter().enumerate() {
-        let Some(patch) = patch.filter(|_| !free[n] && sums[n][0].abs() > ROUNDING * sums[n][1])
-        else {
-            continue;
-        };
-        let path = patch
-            .path("profile")
-            .unwrap_or_else(|| format!("{PATH}.boundaries"));
+    let mut marks = vec![NEW; grid.cells.iter().product()];
+    mark_structures(&mut marks, grid, &structures);
+    if !structures.is_empty()
+        && let Some(patch) = imposed_without_way_out(&openings_met(flow, grid, marks.clone()))
+    {
         findings.error(
-            &path,
+            &path_of_imposed(patch),
             format!(
                 "the water of `{}` cannot reach another opening: structures block every path",
                 patch.name
@@ -82,6 +68,148 @@ pub(crate) fn check(flow: &Flow, grid: &Grid, structures: &[Structure], findings
         );
         return;
     }
+    for body in bodies {
+        let ball = (body.position, body.radius);
+        mark_body(&mut marks, grid, ball, body.solid.as_ref());
+    }
+    for block in blocks {
+        let ball = (block.position.into(), block.shape.radius());
+        mark_body(&mut marks, grid, ball, Some(block));
+    }
+    let met = openings_met(flow, grid, marks);
+    if let Some(patch) = imposed_without_way_out(&met) {
+        findings.unstable(
+            &path_of_imposed(patch),
+            format!(
+                "the water of `{}` cannot reach another opening: fixed bodies and structures block every path, and \
+                 its density changes until the run ends",
+                patch.name
+            ),
+            "leave a gap of at least one cell, or remove the opening",
+        );
+        return;
+    }
+    free_pressures(&met, findings);
+}
+
+/// Reports the first opening with the state of the water that reaches an imposed flow but no imposed pressure, if there
+/// is a pressure elsewhere: nothing determines the pressure of its water. Pockets of an opening that reaches the
+/// pressure elsewhere do not count.
+fn free_pressures(openings: &[MetOpening<'_>], findings: &mut Findings) {
+    let Some(holding) = openings.iter().find(|one| one.holds) else {
+        return;
+    };
+    let holds = |part: &u32| {
+        let mut held = openings.iter().filter(|one| one.holds);
+        held.any(|one| {
+            let here = one.parts.get(part).copied().unwrap_or(0);
+            real(here) >= MOSTLY_COVERED * real(one.cells)
+        })
+    };
+    let driven = |part: &u32| {
+        let mut imposing = openings.iter().filter(|one| one.imposed != 0.0);
+        imposing.any(|one| one.parts.contains_key(part))
+    };
+    let mut free = openings
+        .iter()
+        .filter(|one| one.floats && one.parts.keys().any(driven) && !one.parts.keys().any(holds));
+    if let Some(MetOpening { patch, .. }) = free.next()
+        && let Some(path) = patch.path("mean_pressure")
+    {
+        findings.unstable(
+            &path,
+            format!(
+                "nothing determines the pressure of the water at `{}`: fixed bodies and structures part it from `{}` \
+                 and from every other opening that holds a pressure, or cover nearly all of that opening",
+                patch.name, holding.patch.name
+            ),
+            Remedy::from("state its mean pressure, or leave a wider gap".to_owned())
+                .set(path.clone(), 0.0),
+        );
+    }
+}
+
+/// Opening with the connected parts of the water that it meets.
+struct MetOpening<'a> {
+    patch: &'a ScenePatch,
+    /// Mean imposed inflow; 0 if the flow is free.
+    imposed: f64,
+    /// `true` if the flow is free.
+    free: bool,
+    /// `true` if the opening holds a pressure, or takes that of the water.
+    holds: bool,
+    floats: bool,
+    /// Number of its cells.
+    cells: usize,
+    /// Number of its cells in each part of the water.
+    parts: BTreeMap<u32, usize>,
+}
+
+/// Returns the first opening with a considerable part of the imposed flow that has no way out.
+fn imposed_without_way_out<'a>(openings: &[MetOpening<'a>]) -> Option<&'a ScenePatch> {
+    let size = |one: &MetOpening<'_>, part: u32| {
+        one.imposed * real(one.parts.get(&part).copied().unwrap_or(0))
+    };
+    let all: f64 = (openings.iter())
+        .flat_map(|one| one.parts.keys().map(|part| size(one, *part).abs()))
+        .sum();
+    let closed = |part: &u32| {
+        let sum: f64 = openings.iter().map(|one| size(one, *part)).sum();
+        let free = |one: &MetOpening<'_>| one.free && one.parts.contains_key(part);
+        sum.abs() > CONSIDERABLE * all && !openings.iter().any(free)
+    };
+    let imposing = |one: &&MetOpening<'_>| one.imposed != 0.0 && one.parts.keys().any(closed);
+    openings.iter().find(imposing).map(|one| one.patch)
+}
+
+fn path_of_imposed(patch: &ScenePatch) -> String {
+    let path = patch.path("profile");
+    path.unwrap_or_else(|| format!("{PATH}.boundaries"))
+}
+
+/// Returns the openings with the connected parts of the water that they meet, from cells with the mark of a solid or of
+/// a new cell.
+fn openings_met<'a>(flow: &'a Flow, grid: &Grid, marks: Vec<u32>) -> Vec<MetOpening<'a>> {
+    let part = parts(grid, marks);
+    let openings = openings(flow.patches(), grid);
+    let mut found: Vec<MetOpening<'a>> = Vec::new();
+    for face in Face::ALL {
+        let patches = &flow.faces[face.index()];
+        let first = found.len();
+        found.extend(patches.iter().map(|patch| {
+            let model = patch.condition.model();
+            let inflow = model.largest_inflow(&patch.imposed_at(grid, PATH));
+            let free = inflow == Inflow::Any;
+            let holds = model.holds_pressure(&openings);
+            MetOpening {
+                patch,
+                imposed: if let Inflow::Mean(mean) = inflow {
+                    mean
+                } else {
+                    0.0
+                },
+                free,
+                holds: free && holds,
+                floats: free && !holds,
+                cells: 0,
+                parts: BTreeMap::new(),
+            }
+        }));
+        for cell in face_cells(grid, face) {
+            let holds = |one: &MetOpening<'_>| {
+                let mut others = (0..3).filter(|a| *a != face.axis());
+                others.all(|a| (one.patch.from[a]..one.patch.to[a]).contains(&cell[a]))
+            };
+            let here = part[index(grid, cell)];
+            if let Some(one) = found[first..].iter_mut().rev().find(|one| holds(one)) {
+                one.cells += 1;
+                if here < NEW {
+                    *one.parts.entry(here).or_default() += 1;
+                }
+            }
+        }
+    }
+    found
 }
 
 /// Returns the position of a cell in a list of all cells.
@@ -110,24 +238,76 @@ fn face_cells(grid: &Grid, face: Face) -> Vec<[usize; 3]> {
     cells
 }
 
-/// Returns the connected part to which each cell belongs.
-fn parts(grid: &Grid, solids: &[&Structure]) -> Vec<u32> {
+/// Marks the cells with centres inside structures.
+fn mark_structures(marks: &mut [u32], grid: &Grid, structures: &[&Structure]) {
+    if structures.is_empty() {
+        return;
+    }
     let cells = grid.cells;
-    let mut part = vec![NEW; cells.iter().product()];
     for z in 0..cells[2] {
         for y in 0..cells[1] {
             for x in 0..cells[0] {
                 let cell = [x, y, z];
-                let mut at = cell.map(|n| (real(n) + 0.5) * grid.spacing);
+                let mut at = grid.centre(cell);
                 if grid.dimension == 2 {
                     at[2] = 0.0;
                 }
-                if solids.iter().any(|solid| solid.solid.distance(at) < 0.0) {
-                    part[index(grid, cell)] = SOLID;
+                if structures.iter().any(|one| one.solid.distance(at) < 0.0) {
+                    marks[index(grid, cell)] = SOLID;
                 }
             }
         }
     }
+}
+
+/// Marks the cells with centres inside a ball, or inside a polyhedron in it, and inside their periodic images.
+fn mark_body(
+    marks: &mut [u32],
+    grid: &Grid,
+    (centre, radius): ([f64; 3], f64),
+    solid: Option<&PlacedPolyhedron>,
+) {
+    let planes = solid.map_or_else(Vec::new, PlacedPolyhedron::half_spaces);
+    // Cells along an axis that the ball reaches, each with its place relative to the centre.
+    let reached = |a: usize| -> Vec<(usize, f64)> {
+        if a >= grid.dimension {
+            return vec![(0, 0.0)];
+        }
+        let (count, h) = (real(grid.cells[a]), grid.spacing);
+        let inside = grid.periodic[a];
+        let [first, last] = [-1.0, 1.0].map(|sign| {
+            let end = (centre[a] + sign * radius) / h - 0.5;
+            let most = if inside { 2.0 * count } else { count - 1.0 };
+            end.clamp(if inside { -count } else { 0.0 }, most)
+        });
+        let mut cells = Vec::new();
+        let mut cell = first.ceil();
+        while cell <= last {
+            let own = whole(cell.rem_euclid(count)).min(grid.cells[a] - 1);
+            cells.push((own, (cell + 0.5) * h - centre[a]));
+            cell += 1.0;
+        }
+        cells
+    };
+    let [xs, ys, zs] = [reached(0), reached(1), reached(2)];
+    for (k, z) in &zs {
+        for (j, y) in &ys {
+            for (i, x) in &xs {
+                let from = Vector3::new(*x, *y, *z);
+                let at = from + Vector3::from(centre);
+                let within =
+                    |plane: &dem::polyhedron::HalfSpace| plane.normal.dot(&at) < plane.offset;
+                if from.norm() < radius && planes.iter().all(within) {
+                    marks[index(grid, [*i, *j, *k])] = SOLID;
+                }
+            }
+        }
+    }
+}
+
+/// Returns the connected part to which each cell belongs.
+fn parts(grid: &Grid, mut part: Vec<u32>) -> Vec<u32> {
+    let cells = grid.cells;
     let mut next = 0;
     let mut stack = Vec::new();
     for start in 0..part.len() {
@@ -159,4 +339,69 @@ fn parts(grid: &Grid, solids: &[&Structure]) -> Vec<u32> {
         next += 1;
     }
     part
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::Plan;
+    use base::error::Severity;
+    use case::Document;
+    use serde_json::{Value, json};
+    use std::path::Path;
+
+    /// Returns the finding with some words on water of 40 x 20 cells that enters on the left and leaves on the right
+    /// with its own state, above a pressure in a patch of the floor; a fixed disc of 8 cells in radius stands at some
+    /// place.
+    fn finding(disc: [f64; 2], outlet: &Value, words: &str) -> Option<Severity> {
+        let case = json!({
+            "domain": {"size": [0.04, 0.02], "spacing": 0.001},
+            "materials": {"steel": {"density": 7800}},
+            "fluid": {"lattice_boltzmann": {
+                "density": 1000, "kinematic_viscosity": 1e-5, "relaxation_time": 0.8, "boundaries": [
+                    {"name": "in", "face": "x_min", "condition": {"velocity": {"profile": {"uniform": [1e-3, 0]},
+                        "ramp_time": 1}}},
+                    {"name": "out", "face": "x_max", "condition": outlet},
+                    {"name": "drain", "face": "y_min", "condition": {"pressure": {"value": 0}},
+                     "patch": {"from": [0.016, 0], "to": [0.024, 0.02]}}]}},
+            "bodies": [{"name": "plug", "shape": {"disc": {"radius": 0.008}}, "position": disc,
+                        "motion": {"fixed": {}}, "material": "steel"}],
+            "time": {"end": 20}
+        });
+        let document = Document::read(&case.to_string(), &[], Path::new(".")).unwrap();
+        let plan = Plan::prepare(document).unwrap();
+        let found = plan.warnings.iter().find(|p| p.reason.contains(words));
+        found.map(|p| p.severity)
+    }
+
+    #[test]
+    fn water_that_no_opening_holds_at_a_pressure_is_named() {
+        let words = "nothing determines the pressure of the water at `out`";
+        let outflow = json!({"outflow": {}});
+        let convective = json!({"convective_outflow": {}});
+        // The disc covers the drain, or leaves half of it open.
+        assert_eq!(
+            finding([0.02, 0.002], &outflow, words),
+            Some(Severity::Unstable)
+        );
+        assert_eq!(
+            finding([0.02, 0.002], &convective, words),
+            Some(Severity::Unstable)
+        );
+        assert_eq!(finding([0.028, 0.002], &outflow, words), None);
+        let held = json!({"outflow": {"mean_pressure": 0}});
+        assert_eq!(finding([0.02, 0.002], &held, words), None);
+        let pressure = json!({"pressure": {"value": 0}});
+        assert_eq!(finding([0.02, 0.002], &pressure, words), None);
+    }
+
+    #[test]
+    fn imposed_water_that_fixed_bodies_enclose_is_named() {
+        let words = "fixed bodies and structures block every path";
+        let wall = json!({"no_slip": {}});
+        assert_eq!(
+            finding([0.02, 0.002], &wall, words),
+            Some(Severity::Unstable)
+        );
+        assert_eq!(finding([0.028, 0.002], &wall, words), None);
+    }
 }
