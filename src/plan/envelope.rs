@@ -5,7 +5,7 @@
 
 use super::Clock;
 use super::critical_step::{Critical, critical_solid_time_step};
-use super::margin::{Margin, USUAL_LATTICE_VELOCITY, margin, slower_clock};
+use super::margin::{Margin, USUAL_LATTICE_VELOCITY, margin, report_exceeded, slower_clock};
 use crate::scene::Scene;
 use crate::scene::auto::density;
 use crate::scene::contact::ContactTable;
@@ -96,6 +96,7 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
             share("solid time step / Rayleigh's", rayleigh, "materials");
         }
     }
+    report_exceeded(&margins, findings);
     margins
 }
 
@@ -281,9 +282,10 @@ fn needed_pressure(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findin
         most,
         &cause.path,
     ));
-    if density::smallest_change(causes, dt, h, flow.density) <= most {
+    if total <= most {
         return;
     }
+    let smallest = density::smallest_change(causes, dt, h, flow.density);
     let bound = density::DensityBound {
         bound: 0.5 * most,
         spacing: h,
@@ -295,22 +297,29 @@ fn needed_pressure(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findin
     } else {
         ""
     };
-    findings.unstable(
-        &cause.path,
-        format!(
-            "the flow changes the density of the lattice fluid by up to {} %, mainly because of {}; the run \
-             stops at {} %",
-            number(100.0 * total),
-            cause.what,
-            number(100.0 * most)
-        ),
-        slower_clock(
-            flow,
-            h,
-            part,
-            format!("multiply the time step by {}{ramp}, or reduce the drive of the flow", number(part)),
-        ),
+    let may_hold = smallest <= most;
+    let least = if may_hold {
+        format!("{} % or more, ", number(100.0 * smallest))
+    } else {
+        String::new()
+    };
+    let reason = format!(
+        "the flow changes the density of the lattice fluid by {least}up to {} %, mainly because of {}; the run stops \
+         at {} %",
+        number(100.0 * total),
+        cause.what,
+        number(100.0 * most)
     );
+    let text = format!(
+        "multiply the time step by {}{ramp}, or reduce the drive of the flow",
+        number(part)
+    );
+    let remedy = slower_clock(flow, h, part, text);
+    if may_hold {
+        findings.warn(&cause.path, reason, remedy);
+    } else {
+        findings.unstable(&cause.path, reason, remedy);
+    }
 }
 
 /// Returns the largest Reynolds number U b/nu of a passage of height b at a lattice velocity of 0.1: U = 0.1 C.

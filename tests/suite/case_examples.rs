@@ -25,6 +25,91 @@ fn every_example_is_valid_without_a_warning() {
     }
 }
 
+/// Sets numbers of a case that decide on its limits to others, one at a time, and returns the assignments.
+fn spoilt(tree: &Value, path: &str, sets: &mut Vec<String>) {
+    const DECIDE: [&str; 7] = [
+        "relaxation_time",
+        "time_step",
+        "kinematic_viscosity",
+        "density",
+        "absolute",
+        "coupling_interval",
+        "gravity",
+    ];
+    let below = |key: &str| {
+        if path.is_empty() {
+            key.to_owned()
+        } else {
+            format!("{path}.{key}")
+        }
+    };
+    match tree {
+        Value::Object(map) => {
+            for (key, child) in map {
+                let path = below(key);
+                let numbers = match child {
+                    Value::Number(_) => vec![child],
+                    Value::Array(list) if list.iter().all(Value::is_number) => {
+                        list.iter().collect()
+                    }
+                    _ => Vec::new(),
+                };
+                if DECIDE.contains(&key.as_str()) && !numbers.is_empty() {
+                    for factor in [0.3, 3.0, 30.0] {
+                        let scaled = numbers.iter().filter_map(|n| n.as_f64());
+                        let scaled: Vec<f64> = scaled.map(|n| n * factor).collect();
+                        let text = match child {
+                            Value::Number(_) => format!("{:?}", scaled[0]),
+                            _ => format!("{scaled:?}"),
+                        };
+                        sets.push(format!("{path}={text}"));
+                    }
+                }
+                spoilt(child, &path, sets);
+            }
+        }
+        Value::Array(list) => {
+            for (n, child) in list.iter().enumerate() {
+                spoilt(child, &format!("{path}[{n}]"), sets);
+            }
+        }
+        _ => {}
+    }
+}
+
+/// Checks that no line of the margins exceeds its limit without a finding at its field, in examples with other values.
+#[test]
+fn every_exceeded_margin_has_a_finding() {
+    let mut exceeded = 0;
+    for example in EXAMPLES {
+        let tree: Value = serde_json::from_str(example.text).unwrap();
+        let mut sets = Vec::new();
+        spoilt(&tree, "", &mut sets);
+        for set in sets {
+            let document = Document::read(example.text, std::slice::from_ref(&set), Path::new(""));
+            let Some(plan) = document.ok().and_then(|one| Plan::prepare(one).ok()) else {
+                continue;
+            };
+            for margin in plan
+                .margins
+                .iter()
+                .filter(|margin| margin.used > 1.0 + 1e-5)
+            {
+                exceeded += 1;
+                let near =
+                    |path: &str| path.starts_with(&margin.path) || margin.path.starts_with(path);
+                assert!(
+                    plan.warnings.iter().any(|found| near(&found.path)),
+                    "{} with {set}: {margin:?} {:#?}",
+                    example.name,
+                    plan.warnings
+                );
+            }
+        }
+    }
+    assert!(exceeded > 20, "{exceeded}");
+}
+
 #[test]
 fn every_field_of_the_schema_is_documented() {
     fn walk(node: &Value, path: &str, missing: &mut Vec<String>) {

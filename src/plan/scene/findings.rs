@@ -255,6 +255,12 @@ impl<'a> Findings<'a> {
         self.problems[unlisted.line].value = format!("{} more", unlisted.count);
     }
 
+    /// Returns `true` if a finding is about a field, or about a field that contains it or is contained in it.
+    pub(crate) fn concerns(&self, path: &str) -> bool {
+        let near = |p: &Problem| within(&p.path, path) || within(path, &p.path);
+        self.problems.iter().any(near)
+    }
+
     /// Returns `true` if the case is refused.
     pub(crate) fn refused(&self) -> bool {
         refused(&self.problems)
