@@ -1,10 +1,12 @@
 //! Speeds that the water of a scene will reach, estimated before the first step.
 //!
 //! Velocities that are not imposed are estimated from above: a pressure drop by the smaller of the viscous flow U =
-//! dP b²/(8 rho nu L) through the open height b and of the frictionless one sqrt(2 dP/rho); a body force by U = f
-//! b²/(8 rho nu) above the bed that grains form, or f/(rho omega) if it oscillates. If the program chooses the time
-//! step, the settling speed of bodies is estimated as well ([`settling`]).
+//! dP b²/(8 rho nu L) through the open height b and of the frictionless one sqrt(2 dP/rho), and that through an inlet
+//! smaller than the outlet by a jet ([`inlet`]); a body force by U = f b²/(8 rho nu) above the bed that grains form, or
+//! f/(rho omega) if it oscillates. If the program chooses the time step, the settling speed of bodies is estimated as
+//! well ([`settling`]).
 
+mod inlet;
 pub(crate) mod settling;
 
 use super::Scene;
@@ -32,6 +34,8 @@ pub(crate) enum SpeedCause {
     BodyForce,
     /// Difference of the imposed pressures.
     Pressure,
+    /// Difference of the imposed pressures, at openings that are smaller than those where the water leaves.
+    Inlet,
     /// Fall of water with a free surface.
     Fall,
     /// Prescribed motion of a body.
@@ -49,6 +53,7 @@ impl fmt::Display for SpeedCause {
             Self::Force => "the force on the water (estimate)",
             Self::BodyForce => "the body force (estimate)",
             Self::Pressure => "the pressure difference (estimate)",
+            Self::Inlet => "the pressure difference at a small inlet (estimate)",
             Self::Fall => "the fall of the water",
             Self::Body => "the moving body",
             Self::Settling => "settling (estimate)",
@@ -81,6 +86,7 @@ pub(crate) fn all(scene: &Scene, flow: &Flow) -> Vec<Speed> {
         return speeds;
     }
     speeds.extend(driven_by_pressure(scene, flow));
+    speeds.extend(inlet::speed(scene, flow));
     if let Some(value) = driven_by_forces(scene, flow) {
         speeds.push(Speed {
             what: SpeedCause::Force,
@@ -103,6 +109,7 @@ pub(crate) fn speeds(scene: &Scene, flow: &Flow) -> Vec<Speed> {
     }
     let mut speeds = imposed(scene, flow);
     speeds.extend(driven_by_pressure(scene, flow));
+    speeds.extend(inlet::speed(scene, flow));
     // Both are upper estimates: one includes the bed, the other the obstacles.
     let estimates = [force_driven(scene, flow), driven_by_forces(scene, flow)];
     let estimate = estimates.into_iter().flatten().reduce(f64::min);
