@@ -20,7 +20,7 @@ use nalgebra::Vector3;
 const PARTS: u32 = 16;
 
 /// Returns the smallest and largest coordinate of a body along an axis \[m\].
-fn extent(body: &NamedBody, axis: usize) -> [f64; 2] {
+pub(super) fn extent(body: &NamedBody, axis: usize) -> [f64; 2] {
     let ball = [
         body.position[axis] - body.radius,
         body.position[axis] + body.radius,
@@ -35,7 +35,7 @@ fn extent(body: &NamedBody, axis: usize) -> [f64; 2] {
 }
 
 /// Returns the smallest and largest displacement of a driven body until a time, as multiples of its velocity \[s\].
-fn path(body: &NamedBody, end: f64) -> [f64; 2] {
+pub(super) fn path(body: &NamedBody, end: f64) -> [f64; 2] {
     let factors = TimeTable::new(body.history.as_deref(), 1.0);
     let (mut range, mut at, mut time) = ([0.0_f64; 2], 0.0, 0.0);
     while time < end {
@@ -52,7 +52,7 @@ fn path(body: &NamedBody, end: f64) -> [f64; 2] {
 }
 
 /// Returns `true` if a body that crosses a face meets only openings there: one patch lets all of its path through.
-fn leaves_through_an_opening(
+pub(super) fn leaves_through_an_opening(
     scene: &Scene,
     patches: &[ScenePatch],
     (body, way): (&NamedBody, [f64; 2]),

@@ -28,6 +28,7 @@ mod levels;
 mod linear_stability;
 pub mod margin;
 pub mod models;
+mod outlets;
 pub mod pore_flow;
 mod remedies;
 pub mod report;

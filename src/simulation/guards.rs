@@ -20,6 +20,7 @@
 //!
 //! Values that were never measured are none: tables print `-`, `summary.json` has `null`.
 
+mod covered;
 mod failure;
 mod openings;
 mod state_check;

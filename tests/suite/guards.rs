@@ -567,3 +567,33 @@ fn a_run_that_fails_leaves_its_tables() {
         .filter(|line| line.starts_with(|c: char| c.is_ascii_digit()));
     assert_eq!(rows.count(), 1, "{bonds}");
 }
+
+/// Checks that a failure names the outlet that a body covers, in the plan and in the message of the run: the water that
+/// enters cannot leave, and its mass grows.
+#[test]
+fn an_outlet_that_a_body_covers_is_named() {
+    let case = json!({
+        "domain": {"size": [0.04, 0.02], "spacing": 0.001},
+        "materials": {"glass": {"density": 2500}},
+        "fluid": {"lattice_boltzmann": {
+            "density": 1000, "kinematic_viscosity": 1e-5, "relaxation_time": 0.8, "boundaries": [
+                {"name": "in", "face": "x_min", "condition": {"velocity": {"profile": {"uniform": [2e-3, 0]},
+                    "ramp_time": 1}}},
+                {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}},
+                 "patch": {"from": [0, 0.006], "to": [0.04, 0.014]}}]}},
+        "bodies": [{"name": "disc", "shape": {"disc": {"radius": 0.005}}, "position": [0.034, 0.01],
+                    "motion": {"driven": {"velocity": [1e-3, 0], "history": [[0, 1], [5, 1], [5, 0]]}},
+                    "material": "glass"}],
+        "time": {"end": 60}
+    });
+    for ranks in [0, 2] {
+        let said = ran(ranks, &case, &[]).done.expect(4).stderr;
+        for words in [
+            "the body `disc` can reach the outlet `out` and cover 8 of its 8 cells",
+            "bodies cover 8 of 8 cells of `out`: the water that enters cannot leave there, so that its mass and \
+             density grow",
+        ] {
+            assert!(said.contains(words), "{ranks}: {said}");
+        }
+    }
+}

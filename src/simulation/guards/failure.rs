@@ -3,6 +3,7 @@
 //! A remedy is named only if it worked in a similar case. Those cases are in `tests/suite/guards.rs`, which records
 //! the outcomes. For all other failures the message names the nearest limit and refers to `solver plan`.
 
+use super::covered::covered_openings;
 use super::state_check::LatticeOrder;
 use base::error::Error;
 use base::number::real;
@@ -85,6 +86,11 @@ impl Failure {
                 "the nearest object is {name}, at a distance of {away} m"
             ));
         }
+        let covered = match self.kind {
+            Kind::NotFinite => None,
+            Kind::TooFast | Kind::TooDense => covered_openings(flow, plan, communicator),
+        };
+        parts.extend(covered);
         let one_way = flows.as_ref().is_some_and(|(_, one_way)| *one_way);
         parts.extend(
             flows
