@@ -364,7 +364,8 @@ fn outlets_hold_where_moving_bodies_part_their_water() {
         [0.01159, 0.00548],
         json!({"free": {"velocity": [0.001, 0]}}),
     );
-    let mean = case([0.016, 0.012], 0.8, right, leaves, 3.75);
+    let mut mean = case([0.016, 0.012], 0.8, right, leaves, 3.75);
+    mean["coupling"] = json!({"bounce_back": {"scheme": "interpolated"}});
     for (name, case) in [("outflow", outflow), ("mean", mean)] {
         let study = Study::new(&case.to_string());
         study.run("one", 1, 1, &[]);
