@@ -76,7 +76,9 @@ fn shift_of<S: Space>(
         }
         if region.periodic[axis] {
             shift[axis] = wraps(motion.position.get(axis), lower, length);
-        } else if !(lower - length..=lower + 2.0 * length).contains(&at) {
+        } else if !(lower - length..=lower + 2.0 * length).contains(&at)
+            && !region.passed_an_exit(&place)
+        {
             let upper = at > lower;
             return Err(StrayReason::Out { axis, upper });
         }

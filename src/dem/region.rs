@@ -13,6 +13,9 @@ pub struct GrainDomain<S: Space> {
     pub periodic: [bool; 3],
     /// Thickness of one plane of the split axis \[m\], counted from the lower corner.
     pub spacing: f64,
+    /// `true` for the lower and the upper face of each axis beyond which solids may go any distance; beyond the other
+    /// faces a solid counts as lost when it is more than one length of the box outside.
+    pub exits: [[bool; 2]; 3],
 }
 
 impl<S: Space> GrainDomain<S> {
@@ -24,7 +27,19 @@ impl<S: Space> GrainDomain<S> {
             upper,
             periodic: [false; 3],
             spacing,
+            exits: [[false; 2]; 3],
         }
+    }
+
+    /// Returns `true` for the centre of a solid that has passed one of the exits.
+    pub(super) fn passed_an_exit(&self, at: &S::Vector) -> bool {
+        (0..S::DIMENSION)
+            .filter(|axis| !self.periodic[*axis])
+            .any(|axis| {
+                let [low, high] = self.exits[axis];
+                let x = at.get(axis);
+                (low && x < self.lower.get(axis)) || (high && x > self.upper.get(axis))
+            })
     }
 
     pub(super) fn length(&self, axis: usize) -> f64 {

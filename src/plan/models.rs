@@ -8,6 +8,7 @@ use super::free_surface;
 use super::impacts;
 use crate::scene::Scene;
 use crate::scene::auto::Subject;
+use crate::scene::bodies::Mobility;
 use crate::scene::findings::number;
 use crate::scene::flow::Flow;
 use crate::scene::gravity;
@@ -16,6 +17,7 @@ use crate::scene::joints::JointScene;
 use crate::scene::observe::ProbeAt;
 use crate::scene::seepage::{PipingScene, Seepage};
 use base::family::Description;
+use base::geometry::Face;
 use case::coupling::{Coupling, Scheme, SolidFraction};
 use case::darcy::{Darcy, Unsaturated};
 use case::fluid::Device;
@@ -45,6 +47,7 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
     choices.timed_walls();
     choices.servo_walls();
     choices.grains();
+    choices.leaving();
     if let Some(seepage) = &scene.seepage {
         choices.seepage(seepage);
     }
@@ -195,6 +198,31 @@ impl Choices<'_> {
                 "requested",
             );
         }
+    }
+
+    /// Adds what becomes of free solids that leave through openings.
+    fn leaving(&mut self) {
+        let scene = self.scene;
+        let exits = scene.exits();
+        let open = |face: &Face| exits[face.axis()][usize::from(face.is_max())];
+        let faces: Vec<&str> = Face::ALL
+            .iter()
+            .filter(|face| open(face))
+            .map(|face| face.name())
+            .collect();
+        let bodies = scene.bodies.iter();
+        let free = bodies
+            .filter(|body| body.mobility == Mobility::Free)
+            .count();
+        if faces.is_empty() || free == 0 && scene.grains.is_none() && scene.blocks.is_none() {
+            return;
+        }
+        self.add(
+            "solids that leave",
+            format!("removed beyond {}", faces.join(", ")),
+            "the water has openings there, and no wall stops solids: those more than one length of the domain outside \
+             are removed, and `summary.json` counts them in `left_through_openings`",
+        );
     }
 
     /// Adds the grading of the grains, and the materials of layers and zones.

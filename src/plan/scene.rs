@@ -42,6 +42,7 @@ pub mod terms;
 pub mod walls;
 
 use base::error::{Problem, Remedy, Report};
+use base::geometry::Face;
 use case::Case;
 use case::coupling::Coupling;
 use case::fluid::Fluid;
@@ -431,6 +432,25 @@ impl Scene {
     #[must_use]
     pub fn first_grain(&self) -> u64 {
         (self.bodies.len() + self.blocks.as_ref().map_or(0, |blocks| blocks.number)) as u64
+    }
+
+    /// Returns `true` for the lower and the upper face of each axis through which free solids leave the domain for
+    /// good: the water has an opening there, and the face has no wall. Not with water in joints, whose network needs
+    /// all blocks.
+    #[must_use]
+    pub fn exits(&self) -> [[bool; 2]; 3] {
+        let mut exits = [[false; 2]; 3];
+        let Some(flow) = self.flow.as_ref().filter(|_| self.joints.is_none()) else {
+            return exits;
+        };
+        for face in Face::ALL {
+            let open = flow.faces[face.index()]
+                .iter()
+                .any(|patch| patch.condition.model().passes_water());
+            let closed = self.walls.iter().any(|wall| wall.face == Some(face));
+            exits[face.axis()][usize::from(face.is_max())] = open && !closed;
+        }
+        exits
     }
 
     /// Returns all polyhedra in the order of their ids, bodies before blocks.

@@ -360,6 +360,7 @@ impl<'a, S: Space> Growing<'a, S> {
             upper: settings.upper,
             periodic: settings.periodic,
             spacing: settings.upper.get(0) - settings.lower.get(0),
+            exits: [[false; 2]; 3],
         };
         let mut of_engine = DemSettings::new(region, time_step, 0.1 * mean_diameter);
         of_engine.local_damping = WHILE_GROWING;

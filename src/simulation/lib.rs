@@ -11,6 +11,7 @@
 //! | `balance`, `calibration`, `affinity` | slabs of equal cost; speed of the fluid on this machine; cores of threads |
 //! | `schedule` | the events that are due after a step |
 //! | `removal`, `gates` | regions that remove and generate grains; walls that are inserted or removed |
+//! | `departures` | bodies and grains that leave through openings for good |
 //! | `servos`, `drives` | stresses of servo walls, velocities of walls and bodies that follow tables in time |
 //! | `erosion`, `collapse` | records of erosion and of ground collapse |
 //! | `crossings` | regions that record the grains that enter and leave them |
@@ -31,6 +32,7 @@ pub mod calibration;
 pub mod collapse;
 pub mod coupled;
 pub mod crossings;
+mod departures;
 mod drives;
 mod element_test;
 pub mod energy;
@@ -68,6 +70,7 @@ use decomposition::Domain;
 use dem::Dem;
 use dem::particles::Particles;
 use dem::space::Space;
+use departures::Departures;
 use drives::Drives;
 use erosion::ErosionRecorder;
 use gates::Gates;
@@ -149,6 +152,7 @@ impl<Sp: Space, S: SavedNumber> Present<Sp, S> {
 pub struct Simulation<Sp: Space, S: SavedNumber> {
     now: Present<Sp, S>,
     removal: Removal,
+    departures: Departures,
     gates: Gates,
     servos: Servos,
     drives: Drives<Sp>,
@@ -290,10 +294,12 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
         }
         let (particles, plan, domain) = (&mut now.particles, &now.plan, &now.domain);
         let removed = (self.removal).remove_grains(particles, plan, domain, now.step, time)?;
+        let when = (now.step, time);
+        let left = self.departures.remove(particles, plan, domain, when)?;
         let walls = now.dem.as_ref().map_or(&[][..], Dem::walls);
         let solids = (&mut *particles, walls);
         let appeared = self.removal.generate_grains(solids, plan, domain, time)?;
-        changed |= !removed.is_empty() || appeared > 0;
+        changed |= !removed.is_empty() || left > 0 || appeared > 0;
         if let Some(dem) = &mut now.dem {
             // All ranks have the same value without a message.
             if changed {

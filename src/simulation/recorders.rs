@@ -1,6 +1,6 @@
 //! The states of the recorders of a run in a checkpoint.
 
-use super::{collapse, crossings, erosion, guards, removal};
+use super::{collapse, crossings, departures, erosion, guards, removal};
 use base::error::Error;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -10,6 +10,9 @@ use serde_json::Value;
 pub(super) struct Recorders {
     /// Counts of removed and generated grains.
     pub(super) removal: removal::RemovalState,
+    /// Bodies and grains that left through openings.
+    #[serde(default)]
+    pub(super) departures: departures::Departures,
     /// State of the erosion recorder.
     pub(super) recorder: erosion::ErosionState,
     /// State of the collapse recorder; none without that analysis.

@@ -173,6 +173,7 @@ pub fn region<S: Space>(plan: &Plan) -> GrainDomain<S> {
         upper: vector::<S>(grid.size),
         periodic: grid.periodic,
         spacing: grid.spacing,
+        exits: [[false; 2]; 3],
     }
 }
 
@@ -184,6 +185,7 @@ pub fn dem<S: Space>(plan: &Plan, radius: f64) -> Result<Dem<S>, Error> {
     let scene = &plan.scene;
     let skin = scene.time.neighbour_skin * radius;
     let mut settings = DemSettings::new(region::<S>(plan), plan.clock.solid_time_step, skin);
+    settings.region.exits = scene.exits();
     settings.gravity = vector::<S>(scene.gravity);
     settings.local_damping = scene.contact.as_ref().map_or(0.0, |c| c.local_damping);
     if scene.flow.is_some() {

@@ -40,6 +40,7 @@ mod jointed;
 mod joints;
 mod language;
 mod layers;
+mod leaving;
 mod moist;
 mod mutants;
 mod openings;

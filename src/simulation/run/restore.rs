@@ -2,6 +2,7 @@
 
 use super::super::Present;
 use super::super::agreement;
+use super::super::departures::Departures;
 use super::super::gates::Gates;
 use super::super::guards::Guards;
 use super::super::recorders::{Recorders, saved_guards};
@@ -125,6 +126,7 @@ impl Origin {
 pub(super) struct Parts {
     pub(super) notes: Value,
     pub(super) removal: Removal,
+    pub(super) departures: Departures,
     pub(super) gates: Gates,
     pub(super) guards: Guards,
     /// States of the recorders, if the preparation was complete.
@@ -138,6 +140,7 @@ impl Parts {
         Self {
             notes: json!({}),
             removal: Removal::new(plan),
+            departures: Departures::default(),
             gates: Gates::new(plan),
             guards: Guards::new(plan),
             recorders: None,
@@ -178,6 +181,7 @@ pub(super) fn state<Sp: Space, S: SavedNumber>(
             let saved = Recorders::read(attributes)?;
             let (time, changes) = (found.manifest.time, (origin.regions(), origin.feeds()));
             parts.removal.restore(&saved.removal, changes, time)?;
+            parts.departures = saved.departures.clone();
             parts.recorders = Some(saved);
         }
         if let Source::Checkpoint(contacts) = source {

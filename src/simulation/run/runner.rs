@@ -386,6 +386,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
             collapse: simulation.collapse.state(&simulation.now.domain)?,
             crossings: simulation.crossings.state(&simulation.now.domain)?,
             removal: simulation.removal.state(),
+            departures: simulation.departures.clone(),
             guards: Some(simulation.guards.state()),
         };
         let mut attributes = resume::attributes(&simulation.now.plan);

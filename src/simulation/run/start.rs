@@ -112,6 +112,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
             simulation: Simulation {
                 now,
                 removal: parts.removal,
+                departures: parts.departures,
                 gates: parts.gates,
                 servos,
                 drives,

@@ -234,6 +234,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
                 self.notes["settling"]["bonds_broken"],
             ));
         }
+        warnings.extend(self.simulation.departures.warnings());
         warnings.extend(self.feed_warnings());
         if let Some((step, lack)) = &self.unsaved {
             let newest = self.newest_checkpoint.map_or_else(
@@ -471,6 +472,9 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         }
         if let Some(erosion) = self.simulation.recorder.summary(&now.plan)? {
             values["erosion"] = erosion;
+        }
+        if let Some(left) = self.simulation.departures.summary() {
+            values["left_through_openings"] = left;
         }
         if let Some(crossings) = self.simulation.crossings.summary() {
             values["crossings"] = crossings;

@@ -1,0 +1,250 @@
+//! Free bodies and grains that leave the domain through an opening for good.
+//!
+//! The water no longer acts on a solid that has left through an opening, and nothing brings it back except gravity.
+//! As soon as it is more than one length of the domain outside, and more than its own radius, it is removed. Faces with
+//! a wall have no exit ([`plan::scene::Scene::exits`]). Driven bodies stay, because a table may bring them back, and
+//! fixed ones do not move.
+//!
+//! The state after a fluid step decides, every [`EVERY`] steps of the run, so that the result does not depend on ranks,
+//! list rebuilds or restarts. Named bodies and blocks are reported one by one, grains as sums for each face.
+
+use super::removal::rows;
+use base::error::Error;
+use base::geometry::Face;
+use decomposition::Domain;
+use dem::particles::{Kind, Particles};
+use dem::space::{Components, Space};
+use plan::Plan;
+use plan::scene::Scene;
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+
+/// Number of steps between two searches. A search costs one reduction, and a solid moves by a small part of the domain
+/// in this time.
+const EVERY: u64 = 16;
+
+/// Named body or block that left.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct DepartedBody {
+    /// Name of the body, or `block` and its number.
+    name: String,
+    /// Face through which it left.
+    face: String,
+    /// Step and time \[s\] at which it was removed.
+    step: u64,
+    time: f64,
+    /// Mass [kg; in 2-D kg/m].
+    mass: f64,
+    /// Position of its centre \[m\] and its velocity [m/s] when it was removed.
+    position: [f64; 3],
+    velocity: [f64; 3],
+    /// Momentum [kg m/s; in 2-D kg/s].
+    momentum: [f64; 3],
+}
+
+/// Grains that left through one face.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct DepartedGrains {
+    face: String,
+    grains: u64,
+    /// Mass [kg; in 2-D kg/m].
+    mass: f64,
+    /// Momentum [kg m/s; in 2-D kg/s].
+    momentum: [f64; 3],
+}
+
+/// Solids that left through openings so far: see the module. A checkpoint contains it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Departures {
+    bodies: Vec<DepartedBody>,
+    grains: Vec<DepartedGrains>,
+}
+
+/// Solid that leaves in the present step.
+struct Leaving {
+    face: usize,
+    id: u64,
+    mass: f64,
+    position: [f64; 3],
+    velocity: [f64; 3],
+}
+
+impl Leaving {
+    /// Number of words in a message.
+    const WORDS: usize = 9;
+
+    fn words(&self) -> [u64; Self::WORDS] {
+        let [x, y, z] = self.position.map(f64::to_bits);
+        let [u, v, w] = self.velocity.map(f64::to_bits);
+        [
+            self.face as u64,
+            self.id,
+            self.mass.to_bits(),
+            x,
+            y,
+            z,
+            u,
+            v,
+            w,
+        ]
+    }
+
+    fn from_words([face, id, mass, x, y, z, u, v, w]: [u64; Self::WORDS]) -> Result<Self, Error> {
+        let face = usize::try_from(face).ok().filter(|face| *face < 6);
+        Ok(Self {
+            face: face.ok_or_else(|| Error::Internal("a solid left through no face".into()))?,
+            id,
+            mass: f64::from_bits(mass),
+            position: [x, y, z].map(f64::from_bits),
+            velocity: [u, v, w].map(f64::from_bits),
+        })
+    }
+}
+
+/// Returns the index of the exit through which a solid has left for good; none while it may still matter.
+fn exit_of(scene: &Scene, exits: &[[bool; 2]; 3], at: [f64; 3], radius: f64) -> Option<usize> {
+    let grid = &scene.grid;
+    let axes = || (0..grid.dimension).filter(|axis| !grid.periodic[*axis]);
+    let outside = |axis: usize| (-at[axis]).max(at[axis] - grid.size[axis]);
+    if !axes().any(|axis| outside(axis) > grid.size[axis].max(radius)) {
+        return None;
+    }
+    let passed =
+        axes().filter(|axis| outside(*axis) > 0.0 && exits[*axis][usize::from(at[*axis] > 0.0)]);
+    let farthest = passed.max_by(|a, b| outside(*a).total_cmp(&outside(*b)))?;
+    Some(2 * farthest + usize::from(at[farthest] > 0.0))
+}
+
+impl Departures {
+    /// Removes the free solids that have left for good, and returns their number on all ranks. If any did, the ghosts
+    /// were dropped: prepare them again. Collective.
+    ///
+    /// # Errors
+    /// If a message between ranks is corrupt.
+    pub(super) fn remove<S: Space>(
+        &mut self,
+        particles: &mut Particles<S>,
+        plan: &Plan,
+        domain: &Domain,
+        (step, time): (u64, f64),
+    ) -> Result<usize, Error> {
+        let scene = &plan.scene;
+        let exits = scene.exits();
+        if !step.is_multiple_of(EVERY) || !exits.as_flattened().contains(&true) {
+            return Ok(0);
+        }
+        let vector = |v: &S::Vector| {
+            std::array::from_fn(|axis| {
+                if axis < S::DIMENSION {
+                    v.get(axis)
+                } else {
+                    0.0
+                }
+            })
+        };
+        let exit = |particles: &Particles<S>, k: usize| {
+            let body = &particles.body[k];
+            let free = body.kind == Kind::Free;
+            let at = vector(&particles.motion[k].position);
+            free.then(|| exit_of(scene, &exits, at, body.radius))
+                .flatten()
+        };
+        let mut faces = Vec::new();
+        let gone = particles.remove(|particles, k| {
+            let face = exit(particles, k);
+            faces.extend(face);
+            face.is_some()
+        });
+        let communicator = domain.communicator();
+        if communicator.all_reduce_max_u64(gone.len() as u64) == 0 {
+            return Ok(0);
+        }
+        let words = gone.iter().zip(faces).flat_map(|((body, motion), face)| {
+            let leaving = Leaving {
+                face,
+                id: body.id,
+                mass: body.mass,
+                position: vector(&motion.position),
+                velocity: vector(&motion.velocity),
+            };
+            leaving.words()
+        });
+        let bytes: Vec<u8> = words.flat_map(u64::to_le_bytes).collect();
+        let mut all = Vec::new();
+        for bytes in communicator.all_gather_bytes(&bytes) {
+            for words in rows::<{ Leaving::WORDS }>(&bytes)? {
+                all.push(Leaving::from_words(words)?);
+            }
+        }
+        // Sums are formed in the order of ids, independently of ranks.
+        all.sort_unstable_by_key(|one| one.id);
+        for one in &all {
+            self.note(scene, one, (step, time));
+        }
+        Ok(all.len())
+    }
+
+    fn note(&mut self, scene: &Scene, one: &Leaving, (step, time): (u64, f64)) {
+        let face = Face::ALL[one.face].name();
+        let momentum = one.velocity.map(|speed| one.mass * speed);
+        if one.id < scene.first_grain() {
+            let index = usize::try_from(one.id).unwrap_or(usize::MAX);
+            let name = match scene.bodies.get(index) {
+                Some(body) => body.name.clone(),
+                None => format!("block {}", index - scene.bodies.len()),
+            };
+            self.bodies.push(DepartedBody {
+                name,
+                face: face.into(),
+                step,
+                time,
+                mass: one.mass,
+                position: one.position,
+                velocity: one.velocity,
+                momentum,
+            });
+            return;
+        }
+        let known = self.grains.iter().position(|grains| grains.face == face);
+        let known = known.unwrap_or_else(|| {
+            self.grains.push(DepartedGrains {
+                face: face.into(),
+                grains: 0,
+                mass: 0.0,
+                momentum: [0.0; 3],
+            });
+            self.grains.len() - 1
+        });
+        let grains = &mut self.grains[known];
+        grains.grains += 1;
+        grains.mass += one.mass;
+        for (sum, part) in grains.momentum.iter_mut().zip(momentum) {
+            *sum += part;
+        }
+    }
+
+    /// Returns the solids that left, for `summary.json`; none if there are none.
+    pub(super) fn summary(&self) -> Option<Value> {
+        (!self.bodies.is_empty() || !self.grains.is_empty())
+            .then(|| json!({ "bodies": self.bodies, "grains": self.grains }))
+    }
+
+    /// Returns a warning for each body, and for the grains of each face.
+    pub(super) fn warnings(&self) -> Vec<String> {
+        let bodies = self.bodies.iter().map(|body| {
+            format!(
+                "the body `{}` left through the opening of {} and was removed at t = {:.4e} s, more than one length of \
+                 the domain outside; \"box_walls\" with this face would keep it",
+                body.name, body.face, body.time
+            )
+        });
+        let grains = self.grains.iter().map(|grains| {
+            format!(
+                "{} grains of {:.4e} kg left through the opening of {} and were removed, more than one length of the \
+                 domain outside; a region with the action `remove` records each of them",
+                grains.grains, grains.mass, grains.face
+            )
+        });
+        bodies.chain(grains).collect()
+    }
+}
