@@ -5,7 +5,7 @@
 //! meet. Edges that meet, directly or through others, share a line. The ends of their pieces divide the line into
 //! intervals, and each interval that two or more joints have in common is a junction, a point without volume whose
 //! discharges add up to zero. Pieces of edges that meet no other joint are open; water enters and leaves there if
-//! the scene has water outside them. Under a lattice, whose cells tell where water is, so are the pieces of a junction
+//! the scene has water outside them. Under a lattice, whose cells know where water is, so are the pieces of a junction
 //! next to a sector around its line that no block fills: below a block that stands on others with its edge above a
 //! joint, and where joints cross at the surface of the rock. The head loss of the corner itself, of the order of the
 //! aperture divided by the cell size, is neglected.
