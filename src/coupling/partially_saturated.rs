@@ -151,6 +151,7 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
         for (position, drho, u) in cells {
             self.fluid.set_equilibrium(position, drho, u);
         }
+        self.fluid.renew_moments();
         self.fluid.renew_velocities();
     }
 

@@ -636,6 +636,13 @@ impl SlabSurface {
         }
     }
 
+    /// Sends the moments next to the surface again, after populations were set between two steps. Collective.
+    pub(crate) fn renew_moments<S: Stored>(&mut self, populations: &Populations<S>) {
+        let cells = &self.cells;
+        let shore = |cell: usize| exchange::shore(cells, populations, cell);
+        self.ghosts.exchange_moments(false, shore);
+    }
+
     /// Fills the kinds of the ghost cells. Collective.
     fn spread_kinds(&mut self) {
         let bodies = self.cells.has_bodies();

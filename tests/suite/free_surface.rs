@@ -395,6 +395,31 @@ fn structures_bound_the_water_where_bodies_float() {
     assert!(error.abs() < 1e-12, "{error}");
 }
 
+/// Checks a cut through a sphere that a block of water surrounds in part: the first step uses the state inside the
+/// sphere on both sides of the cut.
+#[test]
+fn a_cut_through_a_body_in_a_block_of_water() {
+    let _beside = beside_others();
+    let study = Study::new(
+        r#"{
+        "domain": {"size": [0.08, 0.13, 0.06], "spacing": 0.01, "split": "z"},
+        "gravity": [5, 0, 0],
+        "materials": {"stone": {"density": 2600}},
+        "fluid": {"lattice_boltzmann": {
+            "density": 1000, "kinematic_viscosity": 0.006, "time_step": 7e-4, "collision": {"bgk": {}},
+            "surface": {"water": [{"shape": {"box": {"from": [0.025, 0.017, 0.028], "to": [0.052, 0.055, 0.05]}}}]}}},
+        "contact": {"linear": {"friction_angle_degrees": 0, "normal_stiffness": {"absolute": 100},
+                               "normal_damping_ratio": 0.2}},
+        "bodies": [{"name": "ball", "shape": {"sphere": {"radius": 0.021}}, "position": [0.044, 0.0585, 0.0223],
+                    "motion": {"free": {}}, "material": "stone"}],
+        "time": {"end": 0.007}
+        }"#,
+    )
+    .unstable();
+    study.run("straight", 1, 1, &[]);
+    study.same_on(&[("three", 3, 1, "domain.slab_bounds=[3, 4]")]);
+}
+
 /// Checks the verdict on a free overfall at a low viscosity: between distant values of the map the nearer one counts,
 /// and the bound of the operator `trt` is stated for this operator alone, with the remedy that works.
 #[test]

@@ -166,6 +166,15 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
+    /// Sends the moments next to the surface again, after populations were set between two steps. Collective.
+    pub fn renew_moments(&mut self) {
+        if let Some(surface) = &mut self.surface
+            && !self.populations.cells().contains(&0)
+        {
+            surface.renew_moments(&self.populations);
+        }
+    }
+
     /// Transfers the mass of the cells that bodies fill, given by position in any order, after the cover was
     /// computed. Collective.
     pub fn meet_bodies(&mut self, filled: impl Iterator<Item = usize>) {

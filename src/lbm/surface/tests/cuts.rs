@@ -357,7 +357,7 @@ fn a_surface_that_reaches_a_cut_has_the_same_bits() {
 fn the_bits_do_not_depend_on_the_cuts() {
     let number = |name: &str| std::env::var(name).ok().and_then(|text| text.parse().ok());
     let first = number("SOLVER_CUT_FROM").unwrap_or(0);
-    let count = number("SOLVER_CUT_SCENES").unwrap_or(5);
+    let count = number("SOLVER_CUT_SCENES").unwrap_or(3);
     let every = std::env::var_os("SOLVER_CUT_SCENES").is_some();
     let (mut compared, mut failed) = (0, Vec::new());
     for seed in first..first + count {
