@@ -239,10 +239,14 @@ impl Departures {
             )
         });
         let grains = self.grains.iter().map(|grains| {
+            let [number, was] = match grains.grains {
+                1 => ["1 grain".to_owned(), "was".to_owned()],
+                n => [format!("{n} grains"), "were".to_owned()],
+            };
             format!(
-                "{} grains of {:.4e} kg left through the opening of {} and were removed, more than one length of the \
-                 domain outside; a region with the action `remove` records each of them",
-                grains.grains, grains.mass, grains.face
+                "{number} left through the opening of {} and {was} removed, more than one length of the domain \
+                 outside; a region with the action `remove` records each of them",
+                grains.face
             )
         });
         bodies.chain(grains).collect()

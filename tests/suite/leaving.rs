@@ -1,5 +1,5 @@
 //! Bodies and grains that leave the water through an opening: they are removed when they are more than one length of
-//! the domain outside, counted with their mass and momentum, and the run goes on with the same bits on any number of
+//! the domain outside, counted with their mass and momentum, and the run continues with the same bits on any number of
 //! ranks and across restarts.
 
 use crate::ranks::{Study, beside_others, run};
@@ -38,7 +38,7 @@ fn left(study: &Study, name: &str) -> Value {
     let warnings = summary["warnings"].to_string();
     for part in [
         "`sinker` left through the opening of x_max",
-        "1 grains left",
+        "1 grain left through",
     ] {
         assert!(warnings.contains(part), "{part}: {warnings}");
     }
@@ -61,7 +61,7 @@ fn solids_that_left_are_counted_and_the_run_goes_on() {
     assert!((number(body, "mass") / mass - 1.0).abs() < 1e-12, "{body}");
     // Nothing acts on a body outside: it keeps the velocity with which it left, and the path follows from the time.
     let speed = along(body, "velocity");
-    assert!((0.02..0.04).contains(&speed), "{body}");
+    assert!((0.03..0.05).contains(&speed), "{body}");
     assert!((along(body, "momentum") - mass * speed).abs() < 1e-12 * mass * speed);
     let beyond = along(body, "position") - 0.04;
     let step = 0.1 / 3.0 * 5e-4_f64.powi(2) / 1e-5;
@@ -85,7 +85,7 @@ fn solids_that_left_are_counted_and_the_run_goes_on() {
     assert!(outside > 3 && after > 1, "{table}");
     let mass = 11000.0 * std::f64::consts::PI * 0.0012_f64.powi(2);
     let momentum = along(grains, "momentum");
-    assert!((0.02..0.04).contains(&(momentum / mass)), "{grains}");
+    assert!((0.03..0.05).contains(&(momentum / mass)), "{grains}");
     // Ranks and restarts, before and after the removal.
     study.same_on(&[
         ("two with threads", 2, 2, ""),
