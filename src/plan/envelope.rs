@@ -68,10 +68,13 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
     super::servo::check(scene, findings);
     super::sampling::check(scene, clock, findings);
     super::wall_travel::check(scene, findings);
+    super::wall_insertion::check(scene, findings);
     super::added_mass::check(scene, &mut margins, findings);
     super::resting::check(scene, findings);
     super::driven_path::check(scene, findings);
     super::outlets::check(scene, findings);
+    super::driven_squeeze::check(scene, findings);
+    super::sinking::check(scene, findings);
     super::explicit_drag::check(scene, clock, &mut margins, findings);
     super::joint_steps::check(scene, &mut margins, findings);
     super::coupling_interval::check(scene, clock, &mut margins, findings);

@@ -115,14 +115,14 @@ fn standing(scene: &Scene) -> Vec<Standing> {
 }
 
 /// Motion of a wall.
-struct Travel {
+pub(super) struct Travel {
     velocity: Vector3<f64>,
     factors: TimeTable,
 }
 
 impl Travel {
     /// Returns the motion of a wall; without one for servo walls, whose motion follows from their stress.
-    fn for_wall(wall: &SceneWall) -> Self {
+    pub(super) fn for_wall(wall: &SceneWall) -> Self {
         let velocity = Vector3::from(wall.velocity);
         let drift = match &wall.surface {
             None => Vector3::from(wall.normal) * velocity.dot(&Vector3::from(wall.normal)),
@@ -141,6 +141,16 @@ impl Travel {
 
     fn moves(&self) -> bool {
         self.velocity.norm() > 0.0
+    }
+
+    /// Returns the largest speed [m/s].
+    pub(super) fn fastest(&self) -> f64 {
+        self.velocity.norm() * self.factors.largest()
+    }
+
+    /// Returns the displacement in an interval \[m\].
+    pub(super) fn moved(&self, from: f64, to: f64) -> Vector3<f64> {
+        self.velocity * (self.factors.mean(from, to) * (to - from))
     }
 
     /// Returns the displacements \[m\] at times \[s\] in ascending order, of which the first is 0.

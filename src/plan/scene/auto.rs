@@ -22,7 +22,7 @@ pub(crate) mod features;
 pub(crate) mod gaps;
 pub mod ground;
 pub mod measured;
-mod moving;
+pub(crate) mod moving;
 mod passages;
 pub(crate) mod promise;
 mod resistance;

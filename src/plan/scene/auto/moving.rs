@@ -21,6 +21,7 @@ use crate::scene::Scene;
 use crate::scene::bodies::{Mobility, NamedBody};
 use crate::scene::flow::Flow;
 use crate::scene::speed::settling;
+use base::geometry::Face;
 use std::f64::consts::PI;
 
 /// Minimum ratio of the estimates to the results of runs: the sound of a start spreads, and guards check only at
@@ -170,22 +171,50 @@ fn squeeze(
 
 /// Returns `true` if the body reaches a wall below it, or above it if it rises, before the run ends.
 fn reaches_a_wall(scene: &Scene, flow: &Flow, body: &NamedBody, speed: f64) -> bool {
+    let ball = (body.position, body.radius, body.material);
+    !reached_faces(scene, flow, ball, speed).is_empty()
+}
+
+/// Face to which weight and buoyancy move a body before the run ends.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ReachedFace {
+    /// The face.
+    pub(crate) face: Face,
+    /// Distance of the surface of the body from it at the start \[m\].
+    pub(crate) drop: f64,
+    /// Path towards it in the run, without the face \[m\].
+    pub(crate) path: f64,
+}
+
+/// Returns the faces below a body of a position, a radius \[m\] and a material, or above it if it rises, that it
+/// reaches at this speed [m/s] before the run ends.
+pub(crate) fn reached_faces(
+    scene: &Scene,
+    flow: &Flow,
+    (position, radius, material): ([f64; 3], f64, usize),
+    speed: f64,
+) -> Vec<ReachedFace> {
     let gravity = scene.gravity;
-    let heavy = scene.density(body.material) > flow.density;
-    (0..scene.grid.dimension).any(|axis| {
+    let heavy = scene.density(material) > flow.density;
+    let reached = (0..scene.grid.dimension).filter_map(|axis| {
         if gravity[axis] == 0.0 || scene.grid.periodic[axis] {
-            return false;
+            return None;
         }
         let upward = (gravity[axis] > 0.0) == heavy;
         let way = if upward {
-            scene.grid.size[axis] - body.position[axis]
+            scene.grid.size[axis] - position[axis]
         } else {
-            body.position[axis]
+            position[axis]
         };
-        let part = gravity[axis].abs() / size(gravity);
-        let drop = way - body.radius;
-        drop > 0.0 && drop <= part * speed * scene.time.end
-    })
+        let path = gravity[axis].abs() / size(gravity) * speed * scene.time.end;
+        let drop = way - radius;
+        (drop > 0.0 && drop <= path).then(|| ReachedFace {
+            face: Face::ALL[2 * axis + usize::from(upward)],
+            drop,
+            path,
+        })
+    });
+    reached.collect()
 }
 
 #[cfg(test)]
