@@ -73,7 +73,7 @@ pub(super) fn checkpoint(scene: &Scene, amounts: &CostQuantities) -> f64 {
 
 /// Returns the size of grains, blocks, the seepage and the water in joints in a checkpoint \[bytes\].
 pub(super) fn tables(amounts: &CostQuantities) -> f64 {
-    (amounts.grains + amounts.bodies) * SAVED_GRAIN
+    (amounts.grains + amounts.generated + amounts.bodies) * SAVED_GRAIN
         + amounts.blocks * SAVED_BLOCK
         + amounts.seepage_cells * SAVED_SEEPAGE
         + amounts.joint_numbers * 8.0

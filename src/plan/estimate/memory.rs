@@ -55,7 +55,7 @@ const CHECKPOINT_PART: f64 = 4.2e6;
 
 /// Adds the memory to the estimate.
 pub(super) fn count(estimate: &mut Estimate, scene: &Scene, amounts: &CostQuantities) {
-    let solids = amounts.prepared.max(amounts.grains) + amounts.bodies;
+    let solids = amounts.prepared.max(amounts.grains) + amounts.generated + amounts.bodies;
     let mut memory = PROGRAM + solids * GRAIN + amounts.blocks * BLOCK;
     if let Some(flow) = &scene.flow {
         let velocities = flow.lattice.velocities();

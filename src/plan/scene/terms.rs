@@ -109,6 +109,12 @@ pub trait FlowTerm {
         Vec::new()
     }
 
+    /// Returns the number of cells on which the term acts in each step, in addition to the pass over the lattice.
+    fn cells(&self, grid: &Grid) -> f64 {
+        let _ = grid;
+        0.0
+    }
+
     /// Returns the limit of the time step at a speed [m/s]; none without a limit.
     fn step_limit(&self, speed: f64) -> Option<TermStepLimit> {
         let _ = speed;

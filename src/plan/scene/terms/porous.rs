@@ -61,6 +61,8 @@ const MAX_WITHOUT_OSCILLATION: f64 = 2.0;
 const MAX_WITH_EDDIES: f64 = 0.2;
 /// Number of columns along each transverse axis on which the thickness of a zone is sampled.
 const COLUMNS: usize = 16;
+/// Largest number of cells along each axis at which it is sampled which cells a zone reaches, in 2-D and 3-D.
+const PLACES: [usize; 2] = [256, 40];
 /// Number of samples along a column.
 const SAMPLES: usize = 256;
 
@@ -169,6 +171,12 @@ impl FlowTerm for PorousZones {
         losses.collect()
     }
 
+    fn cells(&self, grid: &Grid) -> f64 {
+        let all: f64 = grid.cells.iter().map(|n| real(*n)).product();
+        let filled = |zone: &PorousZone| zone.filled(grid);
+        all * self.0.iter().map(filled).sum::<f64>().min(1.0)
+    }
+
     fn step_limit(&self, speed: f64) -> Option<TermStepLimit> {
         let rate =
             |zone: &PorousZone| zone.coefficients.linear + zone.coefficients.quadratic * speed;
@@ -203,6 +211,29 @@ impl PorousZone {
             }
         });
         (0.5 - self.solid.distance(centre) / h).clamp(0.0, 1.0)
+    }
+
+    /// Returns the fraction of the cells of the domain that the zone reaches, from samples.
+    fn filled(&self, grid: &Grid) -> f64 {
+        let counts: [usize; 3] = std::array::from_fn(|a| {
+            if a < grid.dimension {
+                grid.cells[a].min(PLACES[grid.dimension - 2])
+            } else {
+                1
+            }
+        });
+        let total = counts.iter().product::<usize>();
+        let reached = (0..total).filter(|&place| {
+            let mut rest = place;
+            let cell = std::array::from_fn(|a| {
+                let index = rest % counts[a];
+                rest /= counts[a];
+                // The cell in the middle of the part of the axis.
+                (2 * index + 1) * grid.cells[a] / (2 * counts[a])
+            });
+            self.fraction(grid, cell) > 0.0
+        });
+        real(reached.count()) / real(total)
     }
 
     /// Samples the thickness of the zone along an axis, on columns through the domain.
