@@ -11,6 +11,8 @@ import matplotlib
 matplotlib.use("svg")
 import matplotlib.pyplot as plt
 
+matplotlib.rcParams["svg.hashsalt"] = "experiments"  # without it the names inside a file are random
+
 RESULTS = Path(__file__).resolve().parent / "results"
 # Front [cm] in time [s] and pressure [Pa] of Rondon et al. (2011), as digitised in SedFoam/sedfoam, tutorials/Py/DATA/Rondon2012.
 LOOSE = [(0.085, 6.921), (0.636, 16.271), (1.314, 19.719), (1.907, 20.301), (2.585, 20.747), (3.22, 21.022), (3.941, 21.161), (4.534, 21.231), (5.89, 21.201)]
@@ -30,7 +32,7 @@ def rows(name):
 
 
 def save(figure, name):
-    """Writes a figure without its date, so that equal tables give equal files."""
+    """Writes a figure without its date, so that equal tables give equal files by one version of matplotlib."""
     figure.tight_layout()
     figure.savefig(RESULTS / f"{name}.svg", metadata={"Date": None})
     plt.close(figure)
