@@ -125,7 +125,8 @@ pub struct SlabSurface {
     batches: Vec<Batch>,
     ghosts: Ghosts,
     work: conversion::Work,
-    /// Cells and directions of links that a symmetry plane reflects into a solid, not into an opening: they bounce back.
+    /// Cells and directions of links that a symmetry plane reflects into a solid: they bounce back. Links through
+    /// openings are not included.
     corners: Vec<(u32, u8)>,
     /// Bodies in the cells; none for water without bodies.
     bodies: Option<Box<Bodies>>,

@@ -311,8 +311,8 @@ fn slope(cells: [usize; 3], height: f64) -> Vec<f64> {
         .collect()
 }
 
-/// Checks every cut through water whose surface falls past the planes towards an outfall, beside symmetry planes and
-/// across a periodic axis: the planes on both sides of a cut are at first full of water.
+/// Checks every cut through water whose surface falls past the planes towards an outfall, next to symmetry planes
+/// and across a periodic axis: the planes on both sides of a cut are at first full of water.
 #[test]
 fn a_surface_that_reaches_a_cut_has_the_same_bits() {
     for (cells, periodic) in [

@@ -174,10 +174,10 @@ fn a_jet_enters_a_dry_box() {
     assert!((1.0..1.6).contains(&widening), "{widening}");
 }
 
-/// Checks that a stream beside symmetry planes has the discharge of its velocity: water also passes the links through the
-/// edges.
+/// Checks that a stream next to symmetry planes has the discharge of its velocity: water also passes the links through
+/// the edges.
 #[test]
-fn a_stream_beside_symmetry_planes_has_its_discharge() {
+fn a_stream_next_to_symmetry_planes_has_its_discharge() {
     for cells in [[30, 16, 1], [24, 16, 4]] {
         let mut tank = Tank::new(cells);
         tank.slip_at = vec![(1, false)];
