@@ -31,9 +31,10 @@ fn within(wall: &SceneWall, at: &Vector3<f64>, reach: f64) -> Option<f64> {
 fn is_at_rest(scene: &Scene) -> bool {
     let bodies = scene.bodies.iter();
     let mut moving = bodies.filter(|body| body.mobility != Mobility::Fixed && moves(body));
-    let still = |wall: &SceneWall| wall.largest_velocity() == [0.0; 3];
+    let is_zero = |vector: [f64; 3]| vector.iter().all(|part| *part == 0.0);
+    let still = |wall: &SceneWall| is_zero(wall.largest_velocity());
     let flows = scene.flow.iter().flat_map(|flow| speeds(scene, flow));
-    scene.gravity == [0.0; 3]
+    is_zero(scene.gravity)
         && scene.seepage.is_none()
         && moving.next().is_none()
         && scene.walls.iter().all(still)

@@ -385,7 +385,8 @@ fn the_bits_do_not_depend_on_the_cuts() {
                 break;
             }
         }
-        let middle = 1 + draw.below(scene.steps as usize - 1) as u64;
+        let limit = usize::try_from(scene.steps - 1).unwrap();
+        let middle = 1 + draw.below(limit) as u64;
         let [one, two] = [0, 0].map(|_| &cuts[draw.below(cuts.len())]);
         let saved = scene.run(one, None, middle);
         let found = scene.run(two, Some(&saved), scene.steps);
