@@ -81,7 +81,7 @@ def jet():
 
 def round_jet():
     """Draws the velocity on the axis of the free round jet, whose inverse grows along Schlichting's line, and the steps between which beads are eroded."""
-    table, runs = rows("round_jet_axis"), rows("round_jet_runs")
+    table, runs = rows("round_jet_axis"), rows("round_jet_runs") + rows("round_jet_far_runs")
     if not table or not runs:
         return
     figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.8))

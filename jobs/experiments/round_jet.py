@@ -8,13 +8,13 @@ NOZZLE, VISCOSITY, DIAMETER, CENTRE = 0.002, 1e-5, 1e-3, 0.005
 WEIGHT = 1.5 * 9.81 * DIAMETER
 # Heights of the box [m], packings, spacings of the cells [m] and time steps [s].
 HEIGHTS, PACKINGS = {"near": 0.008, "far": 0.0115}, (1, 2, 3)
-SPACINGS, STEPS = {"near": 1.25e-4, "far": 1.25e-4, "free": 1 / 6000}, {"near": 3e-5, "far": 3e-5, "free": 4e-5}
-# Mean velocities at the nozzle [m/s], the time that each of them stays and that of the rise to it [s]. A run with beads ends after the step of the crater.
-SPEEDS = {"near": (0.14, 0.16, 0.18, 0.2, 0.22, 0.24), "far": (0.14, 0.16, 0.18, 0.2, 0.22, 0.24), "free": (0.12, 0.16, 0.2)}
+SPACINGS, STEPS = {"near": 1 / 6000, "far": 1 / 6000, "free": 1 / 6000}, {"near": 4.8e-5, "far": 4.8e-5, "free": 4e-5}
+# Mean velocities at the nozzle [m/s], the time that each of them stays and that of the rise to it [s]. Above 0.2 m/s the cells would be too large.
+SPEEDS = {"near": (0.14, 0.16, 0.18, 0.2), "far": (0.14, 0.16, 0.18, 0.2), "free": (0.12, 0.16, 0.2)}
 STAYS, RISE = {"near": 0.15, "far": 0.15, "free": 0.12}, 0.005
 FREE = 0.0135
-# Beads that have moved by a diameter: the first one, and those of a crater.
-BEADS = (1, 10)
+# Beads that have moved by a diameter: the first one, and those of a crater; a run ends after the step in which UNTIL beads have.
+BEADS, UNTIL = (1, 10), 1
 BOUNDARIES = "fluid.lattice_boltzmann.boundaries"
 
 
@@ -100,13 +100,13 @@ def threshold(folder, part, beads=1):
 
 
 def climb(name, seed):
-    """Runs a packing step by step up to the crater or the last velocity, and returns its folder and the number of steps."""
+    """Runs a packing step by step until its beads have moved or up to the last velocity, and returns its folder and the number of steps."""
     height = HEIGHTS[name]
     changes = {"grains.initial.deposition.seed": seed, "grains.initial.deposition.box.to": [0.01, 0.01, round(height - 1e-4, 6)]}
     folder = run(f"round-jet/{name}-{seed}", "round_jet/case.json", settings(name, height, changes), may_extend=True)
     with open_run(folder) as results:
         steps = round(list(results.grains)[-1].time / STAYS[name])
-    while steps < len(SPEEDS[name]) and threshold(folder, 1.0, BEADS[-1])[0] is None:
+    while steps < len(SPEEDS[name]) and threshold(folder, 1.0, UNTIL)[0] is None:
         steps += 1
         extend(folder, round(steps * STAYS[name], 6))
     return folder, steps
