@@ -38,8 +38,8 @@
 use super::links::{LINKS_PER_THREAD, each_part, sums};
 use super::sound::{Forecast, PlaneWave, Sums};
 use super::{
-    BoundaryKind, BoundaryModel, Crossing, FaceLink, Giver, Opening, Place, Rule, RuleStep, Strength,
-    from_quanta, quanta,
+    BoundaryKind, BoundaryModel, Crossing, FaceLink, Giver, Opening, Place, Rule, RuleStep,
+    Strength, from_quanta, quanta,
 };
 use crate::lanes::Stored;
 use crate::populations::{Parity, Populations};
