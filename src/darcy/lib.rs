@@ -115,9 +115,9 @@ pub enum SeepageError {
     },
     /// Stated flux out of the ground that is larger than the ground can yield.
     #[error(
-        "the `flux` out of the ground at ({:.6}, {:.6}, {:.6}) m is larger than the ground can yield: the pressure head \
-         there is {} m, and that of dry soil is -1.02e5 m; use a smaller flux, or `evaporation`, which a limiting \
-         suction ends",
+        "the `flux` out of the ground at ({:.6}, {:.6}, {:.6}) m is larger than the ground can yield: the pressure \
+         head there is {} m, and that of dry soil is -1.02e5 m; use a smaller flux, or `evaporation`, which a \
+         limiting suction ends",
         .at[0], .at[1], .at[2], number(*.head)
     )]
     DryGround {

@@ -32,7 +32,6 @@ use coupling::lattice::LatticeFlow;
 use coupling::structure_map::StructureMap;
 use decomposition::{Communicator, Domain};
 use dem::deepest::{Deepest, OtherSide};
-use dem::escape::Escape;
 use dem::particles::Particles;
 use dem::space::{Components, Space};
 pub use failure::of_solids;
@@ -573,10 +572,11 @@ impl Guards {
         self.inspect(When::WarmUp(step), Some(flow), particles, plan, domain)
     }
 
-    /// Returns the failure of the water if the water failed as well when the solids failed with `error`. Collective.
+    /// Returns the failure of the water if the water failed as well in a step in which solids failed or left, which
+    /// `solids` states. Collective.
     pub fn failed_water<Sp: Space, S: Stored>(
         &mut self,
-        (step, error): (u64, &Error),
+        (step, solids): (u64, &str),
         (flow, particles): (Option<&dyn LatticeFlow<Sp, S>>, &Particles<Sp>),
         plan: &Plan,
         domain: &Domain,
@@ -584,14 +584,7 @@ impl Guards {
         let flow = flow?;
         let found = self.inspect(When::Step(step), Some(flow), particles, plan, domain);
         match found {
-            Err(Error::Numerical(text)) => Some(Error::Numerical(format!(
-                "{text}; {}",
-                if Escape::in_text(&error.to_string()).is_some() {
-                    "a body or grain left the box with this water"
-                } else {
-                    "the motion of bodies or grains failed with it"
-                }
-            ))),
+            Err(Error::Numerical(text)) => Some(Error::Numerical(format!("{text}; {solids}"))),
             Err(other) => Some(other),
             Ok(()) => None,
         }

@@ -68,6 +68,7 @@ use coupling::{Flow, FluidView};
 use crossings::Crossings;
 use decomposition::Domain;
 use dem::Dem;
+use dem::escape::Escape;
 use dem::particles::Particles;
 use dem::space::Space;
 use departures::Departures;
@@ -164,6 +165,9 @@ pub struct Simulation<Sp: Space, S: SavedNumber> {
     phases: Phases,
 }
 
+/// Text of a failure of the water in a step in which a solid left.
+const LEFT_WITH_WATER: &str = "a body or grain left the box with this water";
+
 impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
     /// Returns the present state.
     #[must_use]
@@ -179,10 +183,15 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
         if !matches!(error, Error::Numerical(_)) {
             return guards::of_solids(error, &now.plan);
         }
+        let solids = if Escape::in_text(&error.to_string()).is_some() {
+            LEFT_WITH_WATER
+        } else {
+            "the motion of bodies or grains failed with it"
+        };
         let state = (now.lattice(), &now.particles);
         match self
             .guards
-            .failed_water((now.step + steps, &error), state, &now.plan, &now.domain)
+            .failed_water((now.step + steps, solids), state, &now.plan, &now.domain)
         {
             Some(water) => water,
             None => guards::of_solids(error, &now.plan),
@@ -296,6 +305,20 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
         let removed = (self.removal).remove_grains(particles, plan, domain, now.step, time)?;
         let when = (now.step, time);
         let left = self.departures.remove(particles, plan, domain, when)?;
+        if left > 0 {
+            // Water that fails throws solids out long before the next check.
+            let state = (now.lattice(), &now.particles);
+            let failed = (self.guards).failed_water(
+                (now.step, LEFT_WITH_WATER),
+                state,
+                &now.plan,
+                &now.domain,
+            );
+            if let Some(error) = failed {
+                return Err(error);
+            }
+        }
+        let (particles, plan, domain) = (&mut now.particles, &now.plan, &now.domain);
         let walls = now.dem.as_ref().map_or(&[][..], Dem::walls);
         let solids = (&mut *particles, walls);
         let appeared = self.removal.generate_grains(solids, plan, domain, time)?;
