@@ -1,7 +1,7 @@
 //! Free bodies and grains that leave the domain through an opening for good.
 //!
 //! The water no longer acts on a solid that has left through an opening, and nothing brings it back except gravity.
-//! As soon as it is more than one length of the domain outside, and more than its own radius, it is removed. Faces with
+//! It is removed when it is more than one length of the domain outside, and more than its own radius. Faces with
 //! a wall have no exit ([`plan::scene::Scene::exits`]). Driven bodies stay, because a table may bring them back, and
 //! fixed ones do not move.
 //!

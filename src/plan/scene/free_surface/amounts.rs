@@ -104,33 +104,28 @@ impl FreeSurface {
     pub fn cells_filled(&self, cells: [usize; 3], is_solid: impl Fn([f64; 3]) -> bool) -> f64 {
         let leaves = self.openings.iter().any(|opening| opening.lowest.is_some());
         let highest = if leaves { self.head() } else { f64::INFINITY };
-        let mut filled = 0.0;
-        for [first, widths] in Columns::new(cells, self.axis, MOST_IN_SOLIDS).all() {
-            let weight = widths.iter().map(|width| real(*width)).product::<f64>();
-            let mut at = self.middle(first, widths);
-            let wet = (0..cells[self.axis]).filter(|n| {
-                at[self.axis] = (real(*n) + 0.5) * self.spacing;
-                self.height(at) < highest && !is_solid(at)
-            });
-            filled += weight * real(wet.count());
-        }
-        filled
+        self.count(cells, |at| self.height(at) < highest && !is_solid(at))
     }
 
     /// Returns the number of cells outside solids that are without water at the start.
     #[must_use]
     pub fn cells_empty(&self, cells: [usize; 3], is_solid: impl Fn([f64; 3]) -> bool) -> f64 {
-        let mut empty = 0.0;
+        self.count(cells, |at| self.depth(at) <= 0.0 && !is_solid(at))
+    }
+
+    /// Returns the number of cells whose middle meets a condition, from sampled columns.
+    fn count(&self, cells: [usize; 3], meets: impl Fn([f64; 3]) -> bool) -> f64 {
+        let mut sum = 0.0;
         for [first, widths] in Columns::new(cells, self.axis, MOST_IN_SOLIDS).all() {
             let weight = widths.iter().map(|width| real(*width)).product::<f64>();
             let mut at = self.middle(first, widths);
-            let dry = (0..cells[self.axis]).filter(|n| {
+            let found = (0..cells[self.axis]).filter(|n| {
                 at[self.axis] = (real(*n) + 0.5) * self.spacing;
-                self.depth(at) <= 0.0 && !is_solid(at)
+                meets(at)
             });
-            empty += weight * real(dry.count());
+            sum += weight * real(found.count());
         }
-        empty
+        sum
     }
 
     /// Returns the number of cells that are wet in one of two columns and air in the other. `wet` are the wet cells of
