@@ -49,16 +49,19 @@ pub trait Collision: Copy + Send + Sync {
     ) -> [N; 3];
 }
 
-/// Moments of a cell that most operators need.
+/// Moments of a cell for operators with one or two rates.
+///
+/// The equilibrium w [δρ + 3 c·m + (9/2 (c·m)² - 3/2 m²)/ρ] needs the division by ρ in its last terms only. Written in m
+/// instead of u, all products are computed while the processor divides, so that a vector of cells waits a third less.
 pub(crate) struct Moments<N> {
     /// Density deviation δρ.
     pub(crate) drho: N,
     /// Momentum density m = Σ c g + F/2.
     pub(crate) m: [N; 3],
-    /// Velocity u = m / ρ.
-    pub(crate) u: [N; 3],
-    /// Product m·u.
-    pub(crate) mu: N,
+    /// Product 3/2 m·m.
+    pub(crate) square: N,
+    /// Specific volume 1/ρ.
+    pub(crate) volume: N,
 }
 
 impl<N: Lanes> Moments<N> {
@@ -91,14 +94,23 @@ impl<N: Lanes> Moments<N> {
             });
         });
         let drho = drho[0] + drho[1];
-        let inverse = N::splat(1.0) / (N::splat(1.0) + drho);
-        let mut u = [zero; 3];
-        let mut mu = zero;
+        let volume = N::splat(1.0) / (N::splat(1.0) + drho);
+        let mut square = zero;
         unroll!(axes a < L::DIMENSION => {
-            u[a] = m[a] * inverse;
-            mu = m[a].mul_add(u[a], mu);
+            square = m[a].mul_add(m[a], square);
         });
-        Self { drho, m, u, mu }
+        Self {
+            drho,
+            m,
+            square: square * N::splat(1.5),
+            volume,
+        }
+    }
+
+    /// Returns the velocity m/ρ.
+    #[inline(always)]
+    pub(crate) fn velocity(&self) -> [N; 3] {
+        self.m.map(|m| m * self.volume)
     }
 }
 

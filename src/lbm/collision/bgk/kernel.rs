@@ -43,45 +43,41 @@ impl<const FORCED: bool> Collision for Bgk<FORCED> {
         };
         let p = Moments::from_pairs::<L, G, Q>(g, half_force);
         let keep = N::splat(1.0) - omega;
-        // 3 ω m: the rate is applied to the moments rather than to each population, so that a rate per cell costs no
-        // more than a uniform one.
+        // 3 ω, and ω/ρ: the rate is applied to the equilibrium before the weights.
         let rate = omega * N::splat(3.0);
-        let mut momentum = [N::splat(0.0); 3];
-        unroll!(axes a < L::DIMENSION => {
-            momentum[a] = p.m[a] * rate;
-        });
-        // Part of the symmetric equilibrium common to all directions, δρ - 3/2 m·u; with a force, -3 u·F of the source
-        // is added.
-        let mut base = p.mu.mul_add(N::splat(-1.5), p.drho) * omega;
+        let symmetric = p.volume * omega;
+        // Part of the symmetric equilibrium common to all directions, ω (δρ - 3/2 m²/ρ); with a force,
+        // -3 (1 - ω/2) m·F/ρ of the source is added.
+        let mut base = p.square.neg_mul_add(symmetric, p.drho * omega);
         let mut force = [N::splat(0.0); 3];
         if FORCED {
             let source = omega.neg_mul_add(N::splat(0.5), N::splat(1.0)) * N::splat(3.0);
-            let mut uf = N::splat(0.0);
+            let mut power = N::splat(0.0);
             unroll!(axes a < L::DIMENSION => {
                 // 3 (1 - ω/2) F
                 force[a] = source * N::splat(self.force[a]);
-                uf = p.u[a].mul_add(force[a], uf);
+                power = p.m[a].mul_add(force[a], power);
             });
-            base = base - uf;
+            base = power.neg_mul_add(p.volume, base);
         }
         let rest = g.incoming(0).mul_add(keep, base * N::splat(L::W[0]));
         g.leave(0, rest);
         unroll!(pairs k < (Q - 1) / 2 => {
             let (i, j) = L::PAIRS[k];
             let c = L::C[i];
-            let w = N::splat(L::W[i]);
-            let cu = along(c, &p.u);
-            let mut odd = along(c, &momentum);
-            let mut even = (odd * cu).mul_add(N::splat(1.5), base);
+            let w = L::W[i];
+            let cm = along(c, &p.m);
+            let mut even = (cm * cm).mul_add(symmetric * N::splat(4.5 * w), base * N::splat(w));
+            let mut odd = cm * rate;
             if FORCED {
                 let cf = along(c, &force);
-                even = (cu * cf).mul_add(N::splat(3.0), even);
+                even = (cm * cf).mul_add(p.volume * N::splat(3.0 * w), even);
                 odd = odd + cf;
             }
-            let (one, other) = (g.incoming(i), g.incoming(j));
-            g.leave(i, one.mul_add(keep, (even + odd) * w));
-            g.leave(j, other.mul_add(keep, (even - odd) * w));
+            let (one, other) = (g.incoming(i) * keep, g.incoming(j) * keep);
+            g.leave(i, odd.mul_add(N::splat(w), one) + even);
+            g.leave(j, odd.neg_mul_add(N::splat(w), other) + even);
         });
-        p.u
+        p.velocity()
     }
 }

@@ -84,47 +84,49 @@ impl<const FORCED: bool> Collision for Trt<FORCED> {
             [0.0; 3]
         };
         let p = Moments::from_pairs::<L, G, Q>(g, half_force);
-        let base = p.mu.mul_add(N::splat(-1.5), p.drho);
-        // The source terms per weight are (1 - ω⁺/2) [9 (c·u)(c·F) - 3 u·F] of the symmetric part and (1 - ω⁻/2) 3 c·F
+        // The source terms per weight are (1 - ω⁺/2) [9 (c·m)(c·F) - 3 m·F]/ρ of the symmetric part and (1 - ω⁻/2) 3 c·F
         // of the antisymmetric part.
         let mut force = [N::splat(0.0); 3];
-        let mut uf = N::splat(0.0);
-        let (mut even_source, mut odd_source) = (uf, uf);
-        let mut rest = base * N::splat(L::W[0]) - g.incoming(0);
-        rest = rest * half.symmetric;
-        rest = rest + rest;
+        let mut power = N::splat(0.0);
+        let (mut even_source, mut odd_source) = (power, power);
         if FORCED {
-            even_source = (N::splat(1.0) - half.symmetric) * N::splat(3.0);
-            odd_source = (N::splat(1.0) - half.antisymmetric) * N::splat(3.0);
+            even_source = (N::splat(3.0) - half.symmetric * N::splat(3.0)) * p.volume;
+            odd_source = N::splat(3.0) - half.antisymmetric * N::splat(3.0);
             unroll!(axes a < L::DIMENSION => {
                 force[a] = N::splat(self.force[a]);
-                uf = p.u[a].mul_add(force[a], uf);
+                power = p.m[a].mul_add(force[a], power);
             });
-            rest = (even_source * uf).neg_mul_add(N::splat(L::W[0]), rest);
         }
-        let rest = g.incoming(0) + rest;
-        g.leave(0, rest);
+        let rest = g.incoming(0);
+        let mut even = p.drho * N::splat(L::W[0]) - rest;
+        even = (p.square * N::splat(L::W[0])).neg_mul_add(p.volume, even);
+        even = even * (half.symmetric + half.symmetric);
+        if FORCED {
+            even = (power * N::splat(L::W[0])).neg_mul_add(even_source, even);
+        }
+        g.leave(0, rest + even);
         unroll!(pairs k < (Q - 1) / 2 => {
             let (i, j) = L::PAIRS[k];
             let c = L::C[i];
             let w = L::W[i];
             let cm = along(c, &p.m);
-            let cu = along(c, &p.u);
             // Half of equilibrium minus value, of the sum and of the difference of the pair, times the rate. The rates
-            // are applied last, so that rates per cell cost no more than uniform ones.
+            // are applied last, so that rates per cell cost no more than uniform ones. Without flow the differences are
+            // exactly zero.
             let (one, other) = (g.incoming(i), g.incoming(j));
-            let even = (cm * cu).mul_add(N::splat(4.5), base);
-            let mut even = (even * N::splat(2.0 * w) - (one + other)) * half.symmetric;
+            let mut even = p.drho * N::splat(2.0 * w) - (one + other);
+            even = even - (p.square * N::splat(2.0 * w)) * p.volume;
+            even = (cm * cm).mul_add(p.volume * N::splat(9.0 * w), even) * half.symmetric;
             let mut odd = (cm * N::splat(6.0 * w) - (one - other)) * half.antisymmetric;
             if FORCED {
                 let cf = along(c, &force);
-                let source = (cu * cf).mul_add(N::splat(3.0), N::splat(0.0) - uf) * even_source;
-                even = source.mul_add(N::splat(w), even);
+                let source = (cm * cf).mul_add(N::splat(3.0), N::splat(0.0) - power);
+                even = source.mul_add(even_source * N::splat(w), even);
                 odd = (cf * odd_source).mul_add(N::splat(w), odd);
             }
-            g.leave(i, one + (even + odd));
-            g.leave(j, other + (even - odd));
+            g.leave(i, (one + odd) + even);
+            g.leave(j, (other - odd) + even);
         });
-        p.u
+        p.velocity()
     }
 }
