@@ -405,6 +405,76 @@ fn opaque(along: &mut [isize; 2]) {
     let _ = along;
 }
 
+/// Largest number of vectors of cells whose relaxation rates are computed before they collide ([`batch_of`]).
+const BATCH: usize = 16;
+
+/// Returns the number of vectors of cells whose relaxation rates are computed one after the other, before they collide. The
+/// roots and divisions of a rate take as long as a collision, and those of several vectors overlap. With 27 populations
+/// the loads of the collision fill this time.
+const fn batch_of<const Q: usize>() -> usize {
+    if Q == 27 { 1 } else { BATCH }
+}
+
+/// Returns the rate ω of the shear stress of a vector of cells, with their eddy viscosity, and the rates of the operator:
+/// those of the cells `at` in the row that begins at position `row`, in the part `part` of the row. They come from `batch`,
+/// which the first vector of a batch fills.
+///
+/// # Safety
+/// The cells must be interior cells, with capacity for whole vectors after them.
+#[inline(always)]
+unsafe fn rates_of<L, C, T, N, const Q: usize>(
+    update: &Update<C, T>,
+    velocity: &View,
+    (row, at, part): (usize, usize, &Range<usize>),
+    batch: &mut [(N, C::Rates<N>); BATCH],
+) -> (N, C::Rates<N>)
+where
+    L: Lattice<Q>,
+    C: Collision,
+    T: Eddies,
+    N: super::lanes::Lanes,
+    f32: Memory<N>,
+    f64: Memory<N>,
+{
+    let (length, place) = (const { batch_of::<Q>() }, (at - part.start) / N::WIDTH);
+    if length == 1 {
+        // SAFETY: the caller's promise.
+        return unsafe { relaxation::<L, C, T, N, Q>(update, velocity, row + at) };
+    }
+    if place.is_multiple_of(length) {
+        for (rates, at) in batch.iter_mut().zip((at..part.end).step_by(N::WIDTH)) {
+            // SAFETY: the caller's promise.
+            *rates = unsafe { relaxation::<L, C, T, N, Q>(update, velocity, row + at) };
+        }
+    }
+    batch[place % length]
+}
+
+/// Returns the rate ω of the shear stress, with the eddy viscosity, and the rates of the operator for the vector of cells
+/// at position `cell`.
+///
+/// # Safety
+/// The conditions are those of [`rates_of`].
+#[inline(always)]
+unsafe fn relaxation<L, C, T, N, const Q: usize>(
+    update: &Update<C, T>,
+    velocity: &View,
+    cell: usize,
+) -> (N, C::Rates<N>)
+where
+    L: Lattice<Q>,
+    C: Collision,
+    T: Eddies,
+    N: super::lanes::Lanes,
+    f32: Memory<N>,
+    f64: Memory<N>,
+{
+    // SAFETY: the caller's promise.
+    let gradient = unsafe { velocity.gradient::<N>(cell, L::DIMENSION) };
+    let omega = update.eddies.rate(update.viscosity, &gradient);
+    (omega, update.collision.local(omega))
+}
+
 /// Collides and streams the rows of a block in place.
 ///
 /// # Safety
@@ -426,17 +496,15 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
     N: Covers,
 {
     // A copy on the stack, which no other code can change, keeps the operator's rates in registers.
-    let Update {
-        collision,
-        eddies,
-        viscosity,
-        worker,
-    } = *update;
+    let update = *update;
+    let collision = update.collision;
     let velocity = shared.velocity;
     let cover = shared.cover;
-    let sums = cover.sums_of(worker);
-    let mut omega = N::splat(1.0 / 3.0_f64.mul_add(viscosity, 0.5));
+    let sums = cover.sums_of(update.worker);
+    let mut omega = N::splat(1.0 / 3.0_f64.mul_add(update.viscosity, 0.5));
     let mut rates = collision.uniform::<N>();
+    let turbulent = T::ACTIVE && update.eddies.present();
+    let mut batch = [(omega, rates); BATCH];
     let along = shared.along::<L, Q>();
     // Buffers for covered cells: incoming populations, populations after the fluid collision, and outgoing
     // populations. They are created once, because clearing them takes time.
@@ -460,11 +528,12 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                     // SAFETY: a row has capacity for whole vectors (populations: pitch), ghosts included; no other
                     // thread works on it.
                     let mut site = unsafe { Row::<L, S, Q>::new(&at, along) };
-                    if T::ACTIVE && eddies.present() {
-                        // SAFETY: an interior cell.
-                        let gradient = unsafe { velocity.gradient::<N>(cell + k) };
-                        omega = eddies.rate(viscosity, &gradient);
-                        rates = collision.local(omega);
+                    if turbulent {
+                        let at = (cell, k, &(begin as usize..end));
+                        // SAFETY: interior cells.
+                        (omega, rates) = unsafe {
+                            rates_of::<L, C, T, N, Q>(&update, &velocity, at, &mut batch)
+                        };
                     }
                     if k.is_multiple_of(LINE / size_of::<S>()) {
                         if !const { ahead_of_each::<S, N>() } {
@@ -472,7 +541,7 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                                 site.prefetch(i);
                             });
                         }
-                        if T::ACTIVE && eddies.present() {
+                        if turbulent {
                             velocity.prefetch(cell + k, bytes_ahead::<Q>() / size_of::<S>());
                         }
                     }
@@ -489,7 +558,7 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                         unroll!(populations i < Q => {
                             before[i] = site.incoming(i);
                         });
-                        if !(T::ACTIVE && eddies.present()) {
+                        if !turbulent {
                             // SAFETY: an interior cell.
                             deep = unsafe { cover.fills::<N>(cell + k) };
                         }
@@ -541,7 +610,7 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                             site.leave(i, g[i]);
                         });
                     }
-                    if T::ACTIVE && eddies.present() {
+                    if turbulent {
                         // SAFETY: this cell belongs to this thread, and ghosts are reset after the pass.
                         unsafe { velocity.leave(cell + k, u) };
                     }

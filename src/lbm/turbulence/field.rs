@@ -149,30 +149,32 @@ impl View {
         });
     }
 
-    /// Computes the gradient of the velocity of the previous step at `N::WIDTH` cells.
+    /// Computes the gradient of the velocity of the previous step at `N::WIDTH` cells in `dimension` dimensions.
     ///
     /// # Safety
     /// `cell` must be the position of an interior cell with capacity for whole vectors after it.
     #[inline(always)]
-    pub(crate) unsafe fn gradient<N: Lanes>(&self, cell: usize) -> [[N; 3]; 3]
+    pub(crate) unsafe fn gradient<N: Lanes>(&self, cell: usize, dimension: usize) -> [[N; 3]; 3]
     where
         f32: Memory<N>,
         f64: Memory<N>,
     {
         let mut gradient = [[N::splat(0.0); 3]; 3];
         unroll!(axes b < 3 => {
-            if b < self.dimension {
+            if b < dimension {
                 let stride = self.strides[b];
                 unroll!(axes a < 3 => {
-                    // SAFETY: neighbours of an interior cell, including ghosts, are in the array; rows have
-                    // capacity for whole vectors.
-                    let (high, low) = unsafe {
-                        (
-                            <f32 as Memory<N>>::load(self.read[a].add(cell + stride)),
-                            <f32 as Memory<N>>::load(self.read[a].add(cell - stride)),
-                        )
-                    };
-                    gradient[a][b] = (high - low) * N::splat(0.5);
+                    if a < dimension {
+                        // SAFETY: neighbours of an interior cell, including ghosts, are in the array; rows have
+                        // capacity for whole vectors.
+                        let (high, low) = unsafe {
+                            (
+                                <f32 as Memory<N>>::load(self.read[a].add(cell + stride)),
+                                <f32 as Memory<N>>::load(self.read[a].add(cell - stride)),
+                            )
+                        };
+                        gradient[a][b] = (high - low) * N::splat(0.5);
+                    }
                 });
             }
         });
