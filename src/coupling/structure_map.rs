@@ -167,6 +167,11 @@ impl StructureMap {
         let map = Self::new(fluid.populations(), grid, solids, interpolated);
         let closed: Vec<usize> = map.inside.iter().map(|&cell| cell as usize).collect();
         fluid.close(closed.into_iter());
+        if map.dimension == 2 {
+            fluid.bound_velocities::<2>(&map.links);
+        } else {
+            fluid.bound_velocities::<3>(&map.links);
+        }
         Some(Box::new(map))
     }
 

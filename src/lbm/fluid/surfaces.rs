@@ -5,6 +5,7 @@ use super::{Fluid, planes_of};
 use crate::lanes::Stored;
 use crate::links::fixed::FixedLink;
 use crate::links::{BodyLink, Rigid, surface_velocity};
+use crate::populations::Populations;
 use crate::turbulence::field::BodyWall;
 
 /// Minimum solid fraction at which a cell does not count as water in the gradients of adjacent cells.
@@ -129,34 +130,50 @@ impl<S: Stored> Fluid<S> {
             return;
         };
         let populations = &self.populations;
-        let velocities = populations.velocities();
         field.find_walls(|thread, threads, found| {
             let mine = |group: &Vec<FixedLink>| planes_of(&(0..group.len()), threads, thread);
-            for link in groups.iter().flat_map(|group| &group[mine(group)]) {
-                for end in (0..2).filter(|&end| link.wet[end]) {
-                    let forth = usize::from(link.direction);
-                    let back = velocities.opposite[forth];
-                    let (near, leaves, returns) = if end == 0 {
-                        (link.link.near, forth, back)
-                    } else {
-                        (link.link.far, back, forth)
-                    };
-                    let c = velocities.c[leaves];
-                    let mut along = (0..D).filter(|a| c[*a] != 0);
-                    let (Some(axis), None) = (along.next(), along.next()) else {
-                        continue;
-                    };
-                    // Distance q computed from kappa; 1/2 for half-way links.
-                    let kappa = link.kappa[end];
-                    let distance = (1.0 - kappa) / (2.0 * (1.0 + kappa));
-                    found.push(BodyWall {
-                        cell: near as usize - populations.slot(0, returns),
-                        side: (axis, c[axis] > 0),
-                        distance: distance.max(NEAREST),
-                        velocity: [0.0; 3],
-                    });
-                }
-            }
+            let links = groups.iter().flat_map(|group| &group[mine(group)]);
+            found.extend(links.flat_map(|link| fixed_surfaces::<S, D>(populations, link)));
         });
     }
+
+    /// Bounds the velocities beyond faces, of which gradients are taken, by the stationary surfaces of these links. They
+    /// are those of all structures, before the first step.
+    pub fn bound_velocities<const D: usize>(&mut self, groups: &[Vec<FixedLink>]) {
+        let Some(field) = &mut self.field else {
+            return;
+        };
+        let populations = &self.populations;
+        let links = groups.iter().flatten();
+        field.bound_ghosts(links.flat_map(|link| fixed_surfaces::<S, D>(populations, link)));
+    }
+}
+
+/// Returns the surfaces that a link along an axis puts next to its ends in water.
+fn fixed_surfaces<S: Stored, const D: usize>(
+    populations: &Populations<S>,
+    link: &FixedLink,
+) -> impl Iterator<Item = BodyWall> {
+    let velocities = populations.velocities();
+    let forth = usize::from(link.direction);
+    let back = velocities.opposite[forth];
+    let ends = [(link.link.near, forth, back), (link.link.far, back, forth)];
+    let wet = (0..2).filter(|&end| link.wet[end]);
+    wet.filter_map(move |end| {
+        let (near, leaves, returns) = ends[end];
+        let c = velocities.c[leaves];
+        let mut along = (0..D).filter(|a| c[*a] != 0);
+        let (Some(axis), None) = (along.next(), along.next()) else {
+            return None;
+        };
+        // Distance q computed from kappa; 1/2 for half-way links.
+        let kappa = link.kappa[end];
+        let distance = (1.0 - kappa) / (2.0 * (1.0 + kappa));
+        Some(BodyWall {
+            cell: near as usize - populations.slot(0, returns),
+            side: (axis, c[axis] > 0),
+            distance: distance.max(NEAREST),
+            velocity: [0.0; 3],
+        })
+    })
 }

@@ -2,8 +2,10 @@
 //!
 //! Ghost values at faces of the domain make the central difference second-order. With the wall at half a cell, u_ghost
 //! = (8 u_wall - 6 u_1 + u_2)/3 gives the derivative of the parabola through u_wall, u_1 and u_2. At open faces u_ghost
-//! = 2 u_1 - u_2 gives the one-sided difference. At planes of symmetry the ghost is the mirror image. The field is
-//! stored in f32: its rounding is 1e-7 of the velocity and affects the eddy viscosity, not the flow directly.
+//! = 2 u_1 - u_2 gives the one-sided difference. At planes of symmetry the ghost is the mirror image. Where the surface of
+//! a structure lies between the first two cells, its velocity and place replace those of u_2: no flow is computed inside
+//! the structure, and the water behind a sheet is another flow ([`Field::bound_ghosts`]). The field is stored in f32: its
+//! rounding is 1e-7 of the velocity and affects the eddy viscosity, not the flow directly.
 //!
 //! Next to bodies in the lattice the derivative is that of the parabola through the velocity of the cell and the
 //! velocities u_l, u_h on both sides: of surfaces at the distances l and h along the axis, or of a wet neighbour at
@@ -25,7 +27,7 @@ use crate::lanes::{Lanes, Memory, Stored, WIDEST, prefetch};
 use crate::lattice::unroll;
 use crate::pages::Pages;
 use crate::populations::Populations;
-use base::number::{real, to_u32};
+use base::number::{real, single, to_u32};
 use base::thread_pool;
 use decomposition::{Domain, HaloBytes, HaloExchange};
 use std::ops::Range;
@@ -262,6 +264,7 @@ impl View {
 /// Velocity beyond a face: wall · ramp + inner · u_1 + outer · u_2, for each component.
 #[derive(Clone, Copy, PartialEq)]
 struct FaceVelocity {
+    flow: FaceFlow,
     /// Positions of u_1 and u_2, relative to the ghost.
     first: isize,
     second: isize,
@@ -270,6 +273,40 @@ struct FaceVelocity {
     outer: f32,
     /// Patch whose ramp multiplies the velocity of the wall; none for a stationary wall and for open faces.
     patch: Option<usize>,
+}
+
+/// Condition of the flow at a face.
+#[derive(Clone, Copy, PartialEq)]
+enum FaceFlow {
+    /// A given velocity on the face.
+    Given,
+    /// No condition: the flow continues.
+    Open,
+    /// A plane of symmetry normal to an axis.
+    Mirrored(usize),
+}
+
+impl FaceFlow {
+    /// Returns the factors of the velocities on the face, in the first cell, and at the next point inwards. `nearness`
+    /// is the reciprocal of the distance of that point from the first cell: 1 for a cell, 0 if there is none.
+    fn factors(self, nearness: f64) -> (f64, [f64; 3], f64) {
+        match self {
+            Self::Given => {
+                let beyond = nearness + 2.0;
+                (
+                    4.0 * (nearness + 1.0) / beyond,
+                    [-(nearness + 1.0); 3],
+                    nearness * nearness / beyond,
+                )
+            }
+            Self::Open => (0.0, [1.0 + nearness; 3], 0.0 - nearness),
+            Self::Mirrored(normal) => {
+                let mut inner = [1.0; 3];
+                inner[normal] = -1.0;
+                (0.0, inner, 0.0)
+            }
+        }
+    }
 }
 
 /// Source of the value of a ghost cell.
@@ -301,37 +338,39 @@ impl FaceVelocity {
         let mut position = at.map(|k| real(k) + 0.5);
         position[axis] += 0.5 * if upper { 1.0 } else { -1.0 };
         let holder = patch_at(patches, axis, upper, position);
-        let (mut wall, mut patch) = ([0.0; 3], None);
-        let (mut inner, mut outer) = ([-2.0; 3], 1.0 / 3.0);
-        let mut share = 8.0 / 3.0;
-        if frame.cells[axis] == 1 {
-            (inner, outer, share) = ([-1.0; 3], 0.0, 2.0);
-        }
+        let rule = holder.map(|p| &patches[p].rule);
+        let given = rule.and_then(|rule| rule.velocity(position));
         // Without a patch the face is a stationary wall.
-        if let Some(rule) = holder.map(|p| &patches[p].rule) {
-            if let Some(velocity) = rule.velocity(position) {
-                #[expect(clippy::cast_possible_truncation, reason = "kept in f32")]
-                let scaled = velocity.map(|u| (share * u) as f32);
-                wall = scaled;
-                patch = holder;
-            } else if rule.kind().surface == SurfaceKind::Symmetry {
-                (inner, outer) = ([1.0; 3], 0.0);
-                inner[axis] = -1.0;
-            } else {
-                (inner, outer) = if frame.cells[axis] == 1 {
-                    ([1.0; 3], 0.0)
-                } else {
-                    ([2.0; 3], -1.0)
-                };
-            }
-        }
+        let flow = match rule {
+            None => FaceFlow::Given,
+            Some(_) if given.is_some() => FaceFlow::Given,
+            Some(rule) if rule.kind().surface == SurfaceKind::Symmetry => FaceFlow::Mirrored(axis),
+            Some(_) => FaceFlow::Open,
+        };
+        let nearness = if frame.cells[axis] == 1 { 0.0 } else { 1.0 };
+        let (share, inner, outer) = flow.factors(nearness);
         Self {
+            flow,
             first,
             second,
-            wall,
-            inner,
-            outer,
-            patch,
+            wall: given.unwrap_or_default().map(|u| single(share * u)),
+            inner: inner.map(single),
+            outer: single(outer),
+            patch: holder.filter(|_| given.is_some()),
+        }
+    }
+
+    /// Returns the rule if a stationary surface lies between the first two cells, at a distance from the first.
+    fn before_surface(self, distance: f64) -> Self {
+        let (cells, ..) = self.flow.factors(1.0);
+        let (share, inner, _) = self.flow.factors(1.0 / distance);
+        let ratio = if cells == 0.0 { 0.0 } else { share / cells };
+        Self {
+            second: self.first,
+            wall: self.wall.map(|u| single(f64::from(u) * ratio)),
+            inner: inner.map(single),
+            outer: 0.0,
+            ..self
         }
     }
 }
@@ -465,6 +504,28 @@ impl Ghosts {
         }
         ghosts.begins.resize(planes + 1, ghosts.runs.len());
         ghosts
+    }
+
+    /// Returns the number of planes.
+    fn planes(&self) -> usize {
+        self.begins.len() - 1
+    }
+
+    /// Returns the ghost cells of all runs.
+    fn all(&self) -> impl Iterator<Item = Ghost> + '_ {
+        let runs_of = |plane: usize| &self.runs[self.begins[plane]..self.begins[plane + 1]];
+        let runs = (0..self.planes()).flat_map(move |plane| {
+            let runs = runs_of(plane).iter();
+            runs.map(move |run| (plane, run))
+        });
+        runs.flat_map(|(plane, run)| {
+            (0..run.line.count).map(move |k| Ghost {
+                plane,
+                row: run.line.row(k),
+                at: run.ghost + (k * run.line.stride) as usize,
+                follows: run.follows,
+            })
+        })
     }
 
     /// Fills the ghost cells of a range of rows and planes, in the field that starts at `numbers` for each component.
@@ -665,6 +726,37 @@ impl Field {
             adjacent: Vec::new(),
             found: Vec::new(),
         })
+    }
+
+    /// Bounds the parabolas and lines beyond faces by the stationary surfaces between the first two cells. Such surfaces
+    /// never move.
+    pub(crate) fn bound_ghosts(&mut self, surfaces: impl Iterator<Item = BodyWall>) {
+        let mut inwards: Vec<(usize, isize, f64)> = surfaces
+            .map(|wall| {
+                let (axis, upper) = wall.side;
+                let stride = self.strides[axis].cast_signed();
+                let towards = if upper { stride } else { -stride };
+                (wall.cell, towards, wall.distance)
+            })
+            .collect();
+        inwards.sort_unstable_by_key(|&(cell, towards, _)| (cell, towards));
+        let mut meets = false;
+        let ghosts = self.ghosts.all().map(|mut ghost| {
+            if let GhostSource::Face(face) = ghost.follows {
+                let key = (ghost.at.wrapping_add_signed(face.first), face.first);
+                let found = inwards.binary_search_by_key(&key, |&(cell, to, _)| (cell, to));
+                if let (Ok(n), true) = (found, face.outer != 0.0) {
+                    ghost.follows = GhostSource::Face(face.before_surface(inwards[n].2));
+                    meets = true;
+                }
+            }
+            ghost
+        });
+        let ghosts: Vec<Ghost> = ghosts.collect();
+        if meets {
+            let (rows, planes) = (self.ghosts.rows, self.ghosts.planes());
+            self.ghosts = Arc::new(Ghosts::new(ghosts, rows, planes));
+        }
     }
 
     /// Clears the surfaces of bodies, before they are set again.

@@ -1,11 +1,14 @@
 //! Gradients next to bodies: those next to a wall at the same position, exact where the motion is rigid, and those of
 //! the pass.
 
+use crate::boundary::{Patch, Strength, outfall, velocity};
 use crate::collision::{Operator, bgk};
 use crate::fluid::{Fluid, Force, Setup};
 use crate::lattice::VelocitySet;
 use crate::links::Rigid;
+use crate::links::fixed::FixedLink;
 use crate::saturation::{CoveringBody, SaturationMethod, SolidOperator, Weighting};
+use crate::surface::Outside;
 use crate::turbulence::EddyViscosity;
 use base::number::single;
 use decomposition::{Domain, SplitAxis};
@@ -13,6 +16,11 @@ use decomposition::{Domain, SplitAxis};
 const TAU: f64 = 0.6;
 
 fn fluid(cells: [usize; 3]) -> Fluid<f64> {
+    open_fluid(cells, Vec::new())
+}
+
+/// Returns a fluid between walls across y, with conditions on parts of them.
+fn open_fluid(cells: [usize; 3], patches: Vec<Patch>) -> Fluid<f64> {
     let setup = Setup {
         set: VelocitySet::D3Q19,
         operator: Operator::Bgk(bgk::BgkParameters {}),
@@ -21,7 +29,7 @@ fn fluid(cells: [usize; 3]) -> Fluid<f64> {
         force: Force::None,
         cells,
         periodic: [true, false, true],
-        patches: Vec::new(),
+        patches,
         saturation: Some(SaturationMethod {
             operator: SolidOperator::NonEquilibriumBounceBack,
             weighting: Weighting::Fraction,
@@ -167,5 +175,85 @@ fn the_pass_has_the_rate_of_the_gradient_beside_a_body() {
         let populations = fluid.populations();
         let arrived = populations.numbers()[populations.incoming(there, i)];
         approx::assert_relative_eq!(arrived, sign * 1e-6 * (1.0 - omega), max_relative = 1e-7);
+    }
+}
+
+/// Returns the links upwards from the lowest cells, which a stationary surface cuts at this distance.
+fn ceiling(fluid: &Fluid<f64>, distance: f64) -> Vec<FixedLink> {
+    let populations = fluid.populations();
+    let up = (populations.velocities().c.iter()).position(|c| *c == [0, 1, 0]);
+    let up = up.unwrap();
+    let lowest = populations.interior().filter(|(at, _)| at[1] == 0);
+    lowest
+        .map(|(_, cell)| FixedLink {
+            link: populations.link(cell, up),
+            middle: [0; 3],
+            direction: u8::try_from(up).unwrap(),
+            wet: [true, false],
+            kappa: [(1.0 - 2.0 * distance) / (1.0 + 2.0 * distance), 0.0],
+        })
+        .collect()
+}
+
+/// Checks gradients in a gap of one cell below a structure, at a wall, at a moving wall and at an opening: those of the
+/// flow in the gap. The velocities of the cells inside the structure have no effect.
+#[test]
+fn a_structure_one_cell_from_a_face_bounds_the_flow_in_the_gap() {
+    let patch = |rule| {
+        vec![Patch {
+            name: "floor".into(),
+            axis: 1,
+            upper: false,
+            range: [[f64::NEG_INFINITY, f64::INFINITY]; 3],
+            rule,
+        }]
+    };
+    let slide = [0.02, 0.0, -0.01];
+    for distance in [0.5, 0.2, 0.8] {
+        let wall = Vec::new();
+        let moving = patch(Box::new(velocity::VelocityLinks::uniform(slide)));
+        let open = patch(Box::new(outfall::Links {
+            strength: Strength::Pressure,
+            outside: Outside::Air,
+        }));
+        // A parabola with the velocity of the face at -1/2 and 0 at the surface, or a line at an opening: the factors
+        // of the distances from the face and from the surface, and of their product.
+        let bent = [0.03, 0.0, 0.01];
+        for (patches, face, bent) in [
+            (wall, Some([0.0; 3]), bent),
+            (moving, Some(slide), bent),
+            (open, None, [0.0; 3]),
+        ] {
+            let mut fluid = open_fluid([4, 5, 4], patches);
+            let links = [ceiling(&fluid, distance)];
+            fluid.bound_velocities::<3>(&links);
+            fluid.record_fixed_links::<3>(&links);
+            let width = 0.5 + distance;
+            let slope = face.unwrap_or([-0.01, 0.02, 0.03]).map(|u| -u / width);
+            let flow = |y: f64| -> [f64; 3] {
+                let (below, above) = (y, width - y);
+                std::array::from_fn(|a| -slope[a] * above + bent[a] * below * above)
+            };
+            for inside in [0.3, 1e3] {
+                let inside = [inside, -inside, 0.1];
+                let cells: Vec<_> = fluid.populations().interior().collect();
+                let field = fluid.velocities_mut().unwrap();
+                for (at, cell) in cells {
+                    let u = if at[1] == 0 {
+                        flow(0.5).map(single)
+                    } else {
+                        inside
+                    };
+                    field.set_velocity(cell, u);
+                }
+                fluid.spread_velocities();
+                let cell = position(&fluid, [1, 0, 2]);
+                let found = fluid.velocities().unwrap().gradient(cell);
+                for a in 0..3 {
+                    let exact = slope[a] + bent[a] * (width - 1.0);
+                    approx::assert_abs_diff_eq!(found[a][1], exact, epsilon = 1e-7);
+                }
+            }
+        }
     }
 }
