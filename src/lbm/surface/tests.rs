@@ -278,6 +278,26 @@ fn water_at_rest_stays_at_rest_at_any_fill_level() {
     }
 }
 
+/// Checks that the load on a ceiling in the air is that at the reference pressure, also where the vectors of the pass
+/// contain water and gas.
+#[test]
+fn a_wall_in_the_air_carries_no_load() {
+    for split in [0, 1] {
+        let mut tank = Tank::new([14, 12, 1]);
+        tank.split = split;
+        tank.periodic[0] = true;
+        tank.gravity = 2e-4;
+        tank.slope = [3e-5, 0.0];
+        let mut fluid = tank.fill(|[_, y, _]| (9.8 - y as f64).clamp(0.0, 1.0));
+        // The walls follow the patches in the order of the faces.
+        let ceiling = |fluid: &Fluid<f64>| fluid.fluxes()[3].force;
+        let at_rest = ceiling(&fluid);
+        assert_ne!(at_rest[1], 0);
+        step(&mut fluid, 60);
+        assert_eq!(ceiling(&fluid), at_rest, "split {split}");
+    }
+}
+
 #[test]
 fn an_operator_of_one_rate_works_too() {
     let mut tank = Tank::new([30, 16, 1]);
