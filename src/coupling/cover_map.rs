@@ -129,11 +129,13 @@ struct Piece {
 }
 
 impl CoverMap {
-    /// Returns a map without bodies over the slab of `populations`.
+    /// Returns a map without bodies over the slab of `populations`. `sums` are the axes along which the volumes of
+    /// polyhedra are summed, from slowest to fastest, a function of the domain alone.
     pub fn new<S: Stored>(
         populations: &Populations<S>,
         grid: MapGrid,
         method: FractionMethod,
+        sums: [usize; 3],
     ) -> Self {
         let origin = populations.cell([0; 3]);
         let stride = |axis: usize| {
@@ -149,6 +151,7 @@ impl CoverMap {
                 strides: [stride(0), stride(1), stride(2)],
                 origin,
                 order: populations.order(),
+                sums,
                 level: Level::best(),
                 dimension: populations.velocities().dimension,
             },

@@ -80,7 +80,12 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
         let grid = MapGrid::new(&fluid, origin, units.spacing);
         log::info!("coupling by partially saturated cells: {settings:?}");
         Self {
-            map: CoverMap::new(fluid.populations(), grid.clone(), settings.fractions),
+            map: CoverMap::new(
+                fluid.populations(),
+                grid.clone(),
+                settings.fractions,
+                fluid.usual_order(),
+            ),
             fluid,
             structures: None,
             grid,

@@ -18,7 +18,7 @@ mod disc;
 mod round_rows;
 
 pub use ball::{BallInCells, BallTable};
-pub use block::{BlockTable, PolyhedronSurface};
+pub use block::{BlockTable, PolyhedronSurface, RowAxes};
 use block_rows::BlockRows;
 use disc::DiscTable;
 pub(crate) use round_rows::{RoundRows, RowCells};
@@ -157,7 +157,11 @@ impl Form<'_> {
             Self::Ball { centre, radius } => sphere_box(*centre, *radius, lower, upper),
             Self::Block { surface, .. } => {
                 let cell = lower.map(floor_i32);
-                scratch.block.fill(surface, cell, [1; 3], [0, 1, 2]);
+                let axes = RowAxes {
+                    lattice: [0, 1, 2],
+                    sums: [0, 1, 2],
+                };
+                scratch.block.fill(surface, cell, [1; 3], axes);
                 scratch.block.layer(surface, 0);
                 scratch.block.row(0, 0, 1)[0]
             }

@@ -179,6 +179,8 @@ struct SlabExtent {
     periodic: [bool; 3],
     /// Axes along which the slab itself is periodic.
     periodic_within: [bool; 3],
+    /// Axes in memory on slabs across the longest axis.
+    usual_order: [usize; 3],
 }
 
 /// One slab of fluid.
@@ -241,6 +243,7 @@ impl<S: Stored> Fluid<S> {
         };
         let velocities = setup.set.velocities();
         let order = Layout::order(velocities.dimension, cells, split, setup.surface_axis);
+        let usual_order = Layout::usual(velocities.dimension, setup.cells, setup.surface_axis);
         let populations = Populations::with_order(velocities, cells, order)?;
         let patches = std::mem::take(&mut setup.patches);
         let frame = Frame {
@@ -312,6 +315,7 @@ impl<S: Stored> Fluid<S> {
                 start,
                 periodic: setup.periodic,
                 periodic_within,
+                usual_order,
             },
             communicator: domain.communicator().clone(),
             threads,
@@ -765,6 +769,13 @@ impl<S: Stored> Fluid<S> {
             }
         }
         planes
+    }
+
+    /// Returns the axes from slowest to fastest in memory if the slabs are cut across the longest axis. It is a function
+    /// of the domain, whereas [`Populations::order`] follows the slabs.
+    #[must_use]
+    pub fn usual_order(&self) -> [usize; 3] {
+        self.extent.usual_order
     }
 
     /// Returns the number of cells of the whole domain.

@@ -171,6 +171,13 @@ impl Layout {
         [split, 3 - split - fast, fast]
     }
 
+    /// Returns the axes of a domain of `cells` (x, y, z) on slabs across its longest axis, like [`Self::order`].
+    #[must_use]
+    pub fn usual(dimension: usize, cells: [usize; 3], surface_axis: Option<usize>) -> [usize; 3] {
+        let longest = (0..dimension).rev().max_by_key(|&a| cells[a]);
+        Self::order(dimension, cells, longest.unwrap_or(0), surface_axis)
+    }
+
     /// Returns the layout of a slab of `cells` (x, y, z) with these axes from slowest to fastest.
     #[must_use]
     pub fn for_slab<S>(velocities: &Velocities, cells: [usize; 3], order: [usize; 3]) -> Self {

@@ -1,6 +1,8 @@
 //! Cells covered by a body, as runs along the rows of the lattice.
 
-use super::super::solid_fraction::{BallInCells, Form, FractionMethod, PolyhedronSurface, Scratch};
+use super::super::solid_fraction::{
+    BallInCells, Form, FractionMethod, PolyhedronSurface, RowAxes, Scratch,
+};
 use base::ball::NormalDistances;
 use base::number::{floor_i32, single, to_i32, to_u32};
 use lbm::lanes::{Level, WIDEST, Work};
@@ -207,6 +209,8 @@ pub(super) struct Rows {
     pub(super) origin: usize,
     /// Axes from slowest to fastest.
     pub(super) order: [usize; 3],
+    /// Axes along which the volumes of polyhedra are summed, from slowest to fastest.
+    pub(super) sums: [usize; 3],
     pub(super) level: Level,
     pub(super) dimension: usize,
 }
@@ -398,7 +402,11 @@ impl Area<'_, '_> {
             }),
             Exact::Disc => scratch.disc.fill((centre, radius), (lower, cells), fast),
             Exact::Block(surface) => {
-                (scratch.block).fill(surface, lower, cells.map(whole), self.axes);
+                let axes = RowAxes {
+                    lattice: self.axes,
+                    sums: self.rows.sums,
+                };
+                (scratch.block).fill(surface, lower, cells.map(whole), axes);
             }
             Exact::None => {}
         }

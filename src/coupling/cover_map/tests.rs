@@ -38,7 +38,12 @@ fn cover_of(populations: &Populations<f64>, grid: MapGrid) -> (CoverMap, Cover) 
         weighting: Weighting::Fraction,
     };
     (
-        CoverMap::new(populations, grid, FractionMethod::Exact),
+        CoverMap::new(
+            populations,
+            grid,
+            FractionMethod::Exact,
+            populations.order(),
+        ),
         Cover::new(populations, action, 0.8, AntisymmetricRate::AsSymmetric, 2),
     )
 }

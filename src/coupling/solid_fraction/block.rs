@@ -10,7 +10,10 @@
 //! previous one. Planes of other faces are not involved, so that the cost is proportional to the surface: some 30
 //! ns per piece, for any number of faces.
 //!
-//! Each layer is cut from the whole faces, so that its fractions have the same bits for any set of computed layers.
+//! Each layer is cut from the whole faces, so that its fractions have the same bits for any set of computed layers. The
+//! axis along which volumes are summed changes the rounding, which is seen in cells that hold a billionth of a solid. It
+//! is therefore a function of the domain: where the rows of the lattice run along another axis, because the slabs do,
+//! the fractions of the box are computed first and read in the order of the rows.
 
 use super::faces;
 use base::number::{floor_i32, to_i32};
@@ -83,11 +86,20 @@ impl PolyhedronSurface {
 /// Point: its coordinates along the slow, the middle and the fast axis.
 type Point = [f64; 3];
 
+/// Axes of layers, of the rows of a layer and of the cells of a row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RowAxes {
+    /// Axes of the rows of the lattice.
+    pub lattice: [usize; 3],
+    /// Axes of the rows along which volumes are summed: the same on all slabs.
+    pub sums: [usize; 3],
+}
+
 /// Fractions of a layer of cells; the buffers are reused. [`Self::fill`] starts a body, [`Self::layer`] computes a
 /// layer, and [`Self::row`] returns the fractions of a row.
 #[derive(Debug, Default)]
 pub struct BlockTable {
-    /// Axes from slowest to fastest.
+    /// Axes of the sums from slowest to fastest.
     order: [usize; 3],
     /// Lowest cell and number of cells, in the order of `order`. Rows begin at the body, so that sums along them do
     /// not depend on the box.
@@ -101,6 +113,11 @@ pub struct BlockTable {
     /// Filled fractions of the cells of a row.
     fractions: Vec<f64>,
     cut: Cut,
+    /// Fractions of the box in the order of the lattice, if it differs from that of the sums; else empty.
+    turned: Vec<f64>,
+    /// Numbers of rows of a layer and of cells of a row of the lattice, and the present layer.
+    rows: [usize; 2],
+    present: usize,
 }
 
 /// Intermediate polygons.
@@ -114,8 +131,42 @@ struct Cut {
 }
 
 impl BlockTable {
-    /// Prepares a body over the `cells` from `lower` on, in rows along the last axis of `order`.
+    /// Prepares a body over the `cells` from `lower` on.
     pub fn fill(
+        &mut self,
+        surface: &PolyhedronSurface,
+        lower: [i32; 3],
+        cells: [usize; 3],
+        axes: RowAxes,
+    ) {
+        self.begin(surface, lower, cells, axes.sums);
+        let [layers, rows, length] = axes.lattice.map(|axis| cells[axis]);
+        self.rows = [rows, length];
+        self.turned.clear();
+        if axes.lattice == axes.sums {
+            return;
+        }
+        let mut turned = std::mem::take(&mut self.turned);
+        turned.resize(layers * rows * length + WIDEST, 0.0);
+        let mut strides = [0; 3];
+        (strides[axes.lattice[0]], strides[axes.lattice[1]]) = (rows * length, length);
+        strides[axes.lattice[2]] = 1;
+        let strides = axes.sums.map(|axis| strides[axis]);
+        let [layers, rows, length] = axes.sums.map(|axis| cells[axis]);
+        for layer in 0..layers {
+            self.sum_layer(surface, layer);
+            for row in 0..rows {
+                let first = layer * strides[0] + row * strides[1];
+                for (k, fraction) in self.sum_row(row, 0, length).iter().enumerate() {
+                    turned[first + k * strides[2]] = *fraction;
+                }
+            }
+        }
+        self.turned = turned;
+    }
+
+    /// Prepares the sums of a body in rows along the last axis of `order`.
+    fn begin(
         &mut self,
         surface: &PolyhedronSurface,
         lower: [i32; 3],
@@ -137,8 +188,16 @@ impl BlockTable {
         self.fractions.resize(self.cells[2] + 2 * WIDEST, 0.0);
     }
 
-    /// Computes a layer, counted from the first.
+    /// Computes a layer of the lattice, counted from the first.
     pub fn layer(&mut self, surface: &PolyhedronSurface, layer: usize) {
+        self.present = layer;
+        if self.turned.is_empty() {
+            self.sum_layer(surface, layer);
+        }
+    }
+
+    /// Computes the sums of a layer.
+    fn sum_layer(&mut self, surface: &PolyhedronSurface, layer: usize) {
         let length = self.cells[2] + 1;
         self.within[..self.cells[1] * length].fill(0.0);
         self.from[..self.cells[1] * length].fill(0.0);
@@ -221,6 +280,15 @@ impl BlockTable {
     /// Computes the filled fractions of `count` cells from number `first` on in a row of the layer. Up to
     /// [`WIDEST`] elements beyond the row are undefined.
     pub fn row(&mut self, row: usize, first: usize, count: usize) -> &[f64] {
+        if self.turned.is_empty() {
+            return self.sum_row(row, first, count);
+        }
+        let [rows, length] = self.rows;
+        &self.turned[(self.present * rows + row) * length + first..][..count]
+    }
+
+    /// Computes the filled fractions of cells in a row along the sums.
+    fn sum_row(&mut self, row: usize, first: usize, count: usize) -> &[f64] {
         let length = self.cells[2] + 1;
         let within = &self.within[row * length..][..length];
         let from = &self.from[row * length..][..length];

@@ -152,7 +152,7 @@ fn the_surface_gives_what_the_planes_give() {
             let most = if angle == 1e-9 { 1e-7 } else { 1e-12 };
             for order in [[0, 1, 2], [2, 1, 0], [1, 0, 2]] {
                 let lower = [0, -1, 1];
-                table.fill(&surface, lower, [12, 11, 10], order);
+                table.fill(&surface, lower, [12, 11, 10], along(order));
                 let count = order.map(|axis| [12, 11, 10][axis]);
                 for layer in 0..count[0] {
                     table.layer(&surface, layer);
@@ -178,14 +178,65 @@ fn the_surface_gives_what_the_planes_give() {
     assert!(partial > 10_000, "{partial}");
 }
 
+/// Returns rows of the lattice along these axes, with the sums along the same.
+fn along(lattice: [usize; 3]) -> RowAxes {
+    RowAxes {
+        lattice,
+        sums: lattice,
+    }
+}
+
+/// Checks that the fractions do not depend on the order of the cells in memory, which follows the axis of the slabs.
+#[test]
+fn rows_along_any_axis_have_the_same_bits() {
+    let [mut known, mut table] = [BlockTable::default(), BlockTable::default()];
+    let (lower, cells) = ([0, -1, 1], [12, 11, 10]);
+    let (sums, mut partial, mut differ) = ([0, 1, 2], 0, 0);
+    for (k, shape) in shapes().iter().enumerate() {
+        let surface = turned(shape, real(k) + 0.7, [5.3, 5.1, 5.7]);
+        let mut fractions = |table: &mut BlockTable, axes: RowAxes| {
+            let mut all = vec![0.0; cells.iter().product()];
+            table.fill(&surface, lower, cells, axes);
+            let [layers, rows, length] = axes.lattice.map(|axis| cells[axis]);
+            for layer in 0..layers {
+                table.layer(&surface, layer);
+                for row in 0..rows {
+                    for (at, found) in table.row(row, 0, length).iter().enumerate() {
+                        let mut cell = [0; 3];
+                        for (axis, steps) in axes.lattice.into_iter().zip([layer, row, at]) {
+                            cell[axis] = steps;
+                        }
+                        all[(cell[0] * cells[1] + cell[1]) * cells[2] + cell[2]] = *found;
+                    }
+                }
+            }
+            all.into_iter().map(f64::to_bits).collect::<Vec<_>>()
+        };
+        let exact = fractions(&mut known, along(sums));
+        partial += exact
+            .iter()
+            .filter(|bits| (0.0..1.0).contains(&f64::from_bits(**bits)))
+            .count();
+        for lattice in [[0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]] {
+            let found = fractions(&mut table, RowAxes { lattice, sums });
+            assert!(found == exact, "{k} {lattice:?}");
+            let summed = fractions(&mut table, along(lattice));
+            differ += usize::from(summed != exact);
+        }
+    }
+    assert!(partial > 1000, "{partial}");
+    // The axis of the sums matters.
+    assert!(differ > 20, "{differ}");
+}
+
 /// Ranks and threads have some of the layers, rows or cells each.
 #[test]
 fn a_part_of_the_cells_has_the_same_bits() {
     let [mut whole, mut part] = [BlockTable::default(), BlockTable::default()];
     for (k, shape) in shapes().iter().enumerate() {
         let surface = turned(shape, real(k) + 0.3, [5.3, 5.1, 5.7]);
-        whole.fill(&surface, [0; 3], [12; 3], [0, 1, 2]);
-        part.fill(&surface, [4, 3, 5], [3, 4, 2], [0, 1, 2]);
+        whole.fill(&surface, [0; 3], [12; 3], along([0, 1, 2]));
+        part.fill(&surface, [4, 3, 5], [3, 4, 2], along([0, 1, 2]));
         for layer in 0..3 {
             whole.layer(&surface, layer + 4);
             part.layer(&surface, layer);
