@@ -99,8 +99,12 @@ impl Window {
         self.open.get(mouth).copied().unwrap_or(false)
     }
 
-    /// Takes the parts of volumes of water that return in this step of the lattice \[m³\]: those of open mouths.
+    /// Takes the parts of volumes of water that return in this step of the lattice \[m³\]: those of open mouths. None
+    /// return before the first step of a run or after a restart, when the bodies are mapped without a step.
     fn take_parts(&mut self, volumes: &mut [(usize, f64)]) -> Vec<(usize, f64)> {
+        if self.open.is_empty() {
+            return Vec::new();
+        }
         let count = real(self.left);
         self.left = (self.left - 1).max(1);
         let mut parts = Vec::with_capacity(volumes.len());
@@ -214,4 +218,26 @@ pub fn window_numbers(lattice_steps: u32, mouths: usize, blocks: usize) -> usize
         return 0;
     }
     COUNTS + MOUTH_VALUES * mouths + BLOCK_VALUES * blocks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Checks that a restart between two steps of the joints, after which the bodies are mapped before the first step,
+    /// leaves the parts of the water as they are.
+    #[test]
+    fn water_returns_in_the_same_parts_after_a_restart() {
+        let mut window = Window {
+            left: 3,
+            ..Window::new(4)
+        };
+        let mut volumes = vec![(0, 6.0)];
+        assert!(window.take_parts(&mut volumes).is_empty());
+        for left in [4.0, 2.0, 0.0] {
+            assert!(window.add(vec![Some(1.0)], Vec::new()).is_none());
+            assert_eq!(window.take_parts(&mut volumes), [(0, 2.0)]);
+            assert_eq!(volumes, [(0, left)]);
+        }
+    }
 }
