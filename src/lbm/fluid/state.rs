@@ -5,6 +5,7 @@ use crate::boundary::Flux;
 use crate::extremes::{self, Extremes};
 use crate::initial;
 use crate::lanes::Stored;
+use std::collections::HashSet;
 use std::ops::Range;
 
 impl<S: Stored> Fluid<S> {
@@ -174,7 +175,13 @@ impl<S: Stored> Fluid<S> {
 
     /// Computes [`Self::fluxes`] into a reusable list.
     pub fn fluxes_into(&self, fluxes: &mut Vec<Flux>) {
-        let wet = |cell| self.holds_water(cell);
+        // Cells that water has just reached sent nothing in the pass.
+        let surface = self.surface().into_iter();
+        let reached: HashSet<usize> = surface
+            .flat_map(|surface| surface.entered().chain(surface.newly_held()))
+            .map(|(cell, _)| cell)
+            .collect();
+        let wet = |cell| self.holds_water(cell) && !reached.contains(&cell);
         self.boundaries.fluxes_into(&self.populations, wet, fluxes);
         for (patch, entered) in self.surface().iter().flat_map(|s| s.entered_in_last_step()) {
             fluxes[patch].mass = -entered;
