@@ -20,6 +20,7 @@ mod case_mutants;
 mod circles;
 mod claims;
 mod collapse;
+mod cuts;
 mod dams;
 mod dice;
 mod drawings;
