@@ -771,8 +771,8 @@ impl<S: Stored> Fluid<S> {
         planes
     }
 
-    /// Returns the axes from slowest to fastest in memory if the slabs are cut across the longest axis. It is a function
-    /// of the domain, whereas [`Populations::order`] follows the slabs.
+    /// Returns the axes from slowest to fastest in memory if the slabs are cut across the longest axis. It is a
+    /// function of the domain, whereas [`Populations::order`] follows the slabs.
     #[must_use]
     pub fn usual_order(&self) -> [usize; 3] {
         self.extent.usual_order

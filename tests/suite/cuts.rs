@@ -77,7 +77,7 @@ fn run_in_parts(case: &str, cuts: [&Cut; 2], time: f64) -> Result<Results, Strin
     let every = [format!("checkpoint={{\"every\": {time}}}")];
     let [first, second] = cuts.map(|cut| plan(case, cut, &every).unwrap());
     advance(&first, cuts[0], &path)?;
-    // The run goes on from the checkpoint on the other slabs, as if it had been stopped there.
+    // The run continues from the checkpoint on the other slabs, as if it had been stopped there.
     std::fs::write(path.join("case.json"), &second.case_text).unwrap();
     advance(&second, cuts[1], &path)?;
     Ok(results(&path))

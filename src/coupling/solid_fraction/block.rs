@@ -10,10 +10,10 @@
 //! previous one. Planes of other faces are not involved, so that the cost is proportional to the surface: some 30
 //! ns per piece, for any number of faces.
 //!
-//! Each layer is cut from the whole faces, so that its fractions have the same bits for any set of computed layers. The
-//! axis along which volumes are summed changes the rounding, which is seen in cells that hold a billionth of a solid. It
-//! is therefore a function of the domain: where the rows of the lattice run along another axis, because the slabs do,
-//! the fractions of the box are computed first and read in the order of the rows.
+//! Each layer is cut from the whole faces, so that its fractions have the same bits for any set of computed layers.
+//! The axis along which volumes are summed changes the rounding, which is seen in cells that hold a billionth of a
+//! solid. It is therefore a function of the domain: where the rows of the lattice run along another axis, because
+//! the slabs do, the fractions of the box are computed first and read in the order of the rows.
 
 use super::faces;
 use base::number::{floor_i32, to_i32};

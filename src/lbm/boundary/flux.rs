@@ -41,10 +41,10 @@ impl<S: Stored> Boundaries<S> {
 
     /// Computes [`Self::fluxes`] into a reusable list; `wet` returns `true` for the positions of cells with water.
     ///
-    /// Gas has the reference pressure, whatever numbers a pass leaves in its cells. A symmetry plane joins two cells. If
-    /// one of them has no water, the surface of the water crosses the link, and the other one exchanges momentum with
-    /// the gas instead of the face. Otherwise the population that enters is the one that left, whatever a free surface
-    /// or a body has put in its place since: the plane exerts no friction.
+    /// Gas has the reference pressure, whatever numbers a pass leaves in its cells. A symmetry plane joins two
+    /// cells. If one of them has no water, the surface of the water crosses the link, and the other one exchanges
+    /// momentum with the gas instead of the face. Otherwise the population that enters is the one that left,
+    /// whatever a free surface or a body has put in its place since: the plane exerts no friction.
     pub fn fluxes_into(
         &self,
         populations: &Populations<S>,

@@ -137,8 +137,8 @@ impl<S: Stored> Fluid<S> {
         });
     }
 
-    /// Bounds the velocities beyond faces, of which gradients are taken, by the stationary surfaces of these links. They
-    /// are those of all structures, before the first step.
+    /// Bounds the velocities beyond faces, of which gradients are taken, by the stationary surfaces of these links.
+    /// They are those of all structures, before the first step.
     pub fn bound_velocities<const D: usize>(&mut self, groups: &[Vec<FixedLink>]) {
         let Some(field) = &mut self.field else {
             return;

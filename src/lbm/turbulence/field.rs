@@ -1,11 +1,12 @@
 //! Velocity field from which the eddy viscosity is computed.
 //!
-//! Ghost values at faces of the domain make the central difference second-order. With the wall at half a cell, u_ghost
-//! = (8 u_wall - 6 u_1 + u_2)/3 gives the derivative of the parabola through u_wall, u_1 and u_2. At open faces u_ghost
-//! = 2 u_1 - u_2 gives the one-sided difference. At planes of symmetry the ghost is the mirror image. Where the surface of
-//! a structure lies between the first two cells, its velocity and place replace those of u_2: no flow is computed inside
-//! the structure, and the water behind a sheet is another flow ([`Field::bound_ghosts`]). The field is stored in f32: its
-//! rounding is 1e-7 of the velocity and affects the eddy viscosity, not the flow directly.
+//! Ghost values at faces of the domain make the central difference second-order. With the wall at half a cell,
+//! u_ghost = (8 u_wall - 6 u_1 + u_2)/3 gives the derivative of the parabola through u_wall, u_1 and u_2. At open
+//! faces u_ghost = 2 u_1 - u_2 gives the one-sided difference. At planes of symmetry the ghost is the mirror image.
+//! Where the surface of a structure lies between the first two cells, its velocity and place replace those of u_2:
+//! no flow is computed inside the structure, and the water behind a sheet is another flow
+//! ([`Field::bound_ghosts`]). The field is stored in f32: its rounding is 1e-7 of the velocity and affects the eddy
+//! viscosity, not the flow directly.
 //!
 //! Next to bodies in the lattice the derivative is that of the parabola through the velocity of the cell and the
 //! velocities u_l, u_h on both sides: of surfaces at the distances l and h along the axis, or of a wet neighbour at
@@ -728,8 +729,8 @@ impl Field {
         })
     }
 
-    /// Bounds the parabolas and lines beyond faces by the stationary surfaces between the first two cells. Such surfaces
-    /// never move.
+    /// Bounds the parabolas and lines beyond faces by the stationary surfaces between the first two cells. Such
+    /// surfaces never move.
     pub(crate) fn bound_ghosts(&mut self, surfaces: impl Iterator<Item = BodyWall>) {
         let mut inwards: Vec<(usize, isize, f64)> = surfaces
             .map(|wall| {
