@@ -391,9 +391,48 @@ impl Choices<'_> {
 
     /// Adds the models of seepage.
     fn seepage(&mut self, seepage: &Seepage) {
-        let scene = self.scene;
         let written = &seepage.written;
-        let without_grains = scene.grains.is_none() && scene.bodies.is_empty();
+        let without_grains = self.scene.grains.is_none() && self.scene.bodies.is_empty();
+        self.seepage_grid(seepage, without_grains);
+        self.permeability(seepage, without_grains);
+        let tolerance = format!("to {:e} of the driving terms", written.tolerance);
+        match &written.unsaturated {
+            Some(soil) => self.unsaturated(soil, tolerance),
+            None => self.add("pressure", "conjugate gradients with multigrid", tolerance),
+        }
+        if written.zones.iter().any(|zone| zone.dip.is_some()) {
+            self.add(
+                "dip of the beds",
+                "multi-point fluxes of a full tensor",
+                "requested; heads may leave the range of the imposed ones where cells are too large",
+            );
+        }
+        if let Some(piping) = &seepage.piping {
+            self.backward_erosion(piping);
+        }
+        for drain in &seepage.drains {
+            let cells = match drain.cells.normal() {
+                Some(_) => "a plane between cells".to_owned(),
+                None => format!("{} cells", drain.cells.count()),
+            };
+            let condition = drain.condition.to_string();
+            let (kind, reason) = match &drain.cells.only {
+                Some(_) => ("surface", "requested; a staircase of cells".to_owned()),
+                None => ("drain", format!("requested; {cells}")),
+            };
+            self.add(&format!("{kind} {}", drain.name), condition, reason);
+        }
+        if !without_grains {
+            match &written.unsaturated {
+                Some(_) => self.unsaturated_on_grains(),
+                None => self.seepage_on_grains(written),
+            }
+        }
+    }
+
+    /// Adds the cells of the seepage, and how often its flow is solved.
+    fn seepage_grid(&mut self, seepage: &Seepage, without_grains: bool) {
+        let scene = self.scene;
         let [x, y, z] = seepage.cells;
         let graded = if seepage.is_graded() {
             let axes = (0..scene.grid.dimension).map(|a| {
@@ -427,6 +466,11 @@ impl Choices<'_> {
                 coupling_interval::reason(scene, seepage, self.clock),
             );
         }
+    }
+
+    /// Adds the permeability and porosity of grains and zones.
+    fn permeability(&mut self, seepage: &Seepage, without_grains: bool) {
+        let written = &seepage.written;
         let of_zones = without_grains || written.unsaturated.is_some();
         if of_zones {
             let reason = if without_grains {
@@ -460,39 +504,6 @@ impl Choices<'_> {
                 cut.to_string(),
                 "harmonic mean of the permeability across layers, arithmetic mean along them",
             );
-        }
-        let tolerance = format!("to {:e} of the driving terms", written.tolerance);
-        match &written.unsaturated {
-            Some(soil) => self.unsaturated(soil, tolerance),
-            None => self.add("pressure", "conjugate gradients with multigrid", tolerance),
-        }
-        if written.zones.iter().any(|zone| zone.dip.is_some()) {
-            self.add(
-                "dip of the beds",
-                "multi-point fluxes of a full tensor",
-                "requested; heads may leave the range of the imposed ones where cells are too large",
-            );
-        }
-        if let Some(piping) = &seepage.piping {
-            self.backward_erosion(piping);
-        }
-        for drain in &seepage.drains {
-            let cells = match drain.cells.normal() {
-                Some(_) => "a plane between cells".to_owned(),
-                None => format!("{} cells", drain.cells.count()),
-            };
-            let condition = drain.condition.to_string();
-            let (kind, reason) = match &drain.cells.only {
-                Some(_) => ("surface", "requested; a staircase of cells".to_owned()),
-                None => ("drain", format!("requested; {cells}")),
-            };
-            self.add(&format!("{kind} {}", drain.name), condition, reason);
-        }
-        if !without_grains {
-            match &written.unsaturated {
-                Some(_) => self.unsaturated_on_grains(),
-                None => self.seepage_on_grains(written),
-            }
         }
     }
 

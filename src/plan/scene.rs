@@ -167,6 +167,30 @@ impl Solids {
         }
     }
 
+    /// Checks the places of the solids, and with a gravity also those at the start, unless what places them is wrong.
+    fn check(
+        &self,
+        case: &Case,
+        grid: &grid::Grid,
+        start: Option<[f64; 3]>,
+        findings: &mut Findings,
+    ) {
+        const PLACES: [&str; 6] = [
+            "domain",
+            "structures",
+            "walls",
+            "bodies",
+            "grains",
+            "blocks",
+        ];
+        if !findings.wrong_in(&PLACES) {
+            self.check_water(case, grid, findings);
+        }
+        if let Some(gravity) = start.filter(|_| !findings.wrong_in(&PLACES)) {
+            self.check_start(case, grid, gravity, findings);
+        }
+    }
+
     /// Checks walls in the water.
     fn check_water(&self, case: &Case, grid: &grid::Grid, findings: &mut Findings) {
         let fixed = |body: &&bodies::NamedBody| body.mobility == bodies::Mobility::Fixed;
@@ -327,20 +351,7 @@ impl Scene {
             .as_ref()
             .and_then(|flow| free_surface::resolve(case, &grid, &flow.faces, findings));
         let solids = Solids::resolve(case, &grid, &names, flow.as_ref(), findings);
-        const SOLIDS: [&str; 6] = [
-            "domain",
-            "structures",
-            "walls",
-            "bodies",
-            "grains",
-            "blocks",
-        ];
-        if !findings.wrong_in(&SOLIDS) {
-            solids.check_water(case, &grid, findings);
-        }
-        if starts && !findings.wrong_in(&SOLIDS) {
-            solids.check_start(case, &grid, gravity, findings);
-        }
+        solids.check(case, &grid, starts.then_some(gravity), findings);
         let (grains, structures) = (solids.grains.as_ref(), &solids.structures);
         if let Some(flow) = flow.as_ref().filter(|_| surface.is_none()) {
             let obstacles = blocked::Obstacles {

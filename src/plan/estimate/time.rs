@@ -12,6 +12,8 @@ use crate::Clock;
 use crate::scene::Scene;
 use crate::scene::flow::Flow;
 use crate::scene::grains::GrainSource;
+use crate::scene::joints::JointScene;
+use crate::scene::seepage::Seepage;
 use base::number::{real, to_u32};
 use case::coupling::Coupling;
 use case::fluid::Precision;
@@ -206,10 +208,7 @@ impl Parts {
     #[must_use]
     pub fn for_scene(scene: &Scene, clock: &Clock) -> Self {
         let blocks = scene.polyhedra().count();
-        let bonds = scene
-            .contact
-            .as_ref()
-            .is_some_and(|table| table.model().bonds());
+        let bonds = has_bonds(scene);
         let mut all = Self::default();
         let three = usize::from(scene.grid.dimension == 3);
         if let Some(flow) = &scene.flow {
@@ -271,123 +270,188 @@ impl Seconds {
         machine: Machine,
         checkpoint: f64,
     ) -> Self {
+        let run = TimedRun {
+            scene,
+            clock,
+            amounts,
+            machine,
+            parts: Parts::for_scene(scene, clock),
+            steps: real(clock.steps) + real(clock.warm_up_steps),
+            space: usize::from(scene.grid.dimension == 3),
+        };
         let mut all = Self {
             start_and_end: START / machine.grains,
+            output: run.output(checkpoint),
             ..Self::default()
         };
-        let steps = real(clock.steps) + real(clock.warm_up_steps);
-        let solid_steps = real(clock.steps) * f64::from(clock.solid_steps_per_step);
-        let three = usize::from(scene.grid.dimension == 3);
-        let parts = Parts::for_scene(scene, clock);
         if let Some(flow) = &scene.flow {
-            let openings: f64 = flow
-                .patches()
-                .filter(|patch| patch.condition.model().passes_water())
-                .map(|patch| {
-                    let cells = (0..scene.grid.dimension).filter(|a| *a != patch.face.axis());
-                    cells
-                        .map(|a| real(patch.to[a].saturating_sub(patch.from[a])))
-                        .product::<f64>()
-                })
-                .sum();
-            let solids = amounts.surface * parts.linked + amounts.covered * parts.covered;
-            let interface = amounts.interface * parts.interface + amounts.wet * parts.wet;
-            let acted_on = amounts.acted_on * TERM * real(flow.lattice.count());
-            let beside = STEP + openings * OPENING + solids + interface + acted_on;
-            all.fluid =
-                steps * (amounts.wet * parts.cell / machine.fluid + beside / machine.grains);
-            let [bed, moving] = parts.mapped;
-            let mut mapped = amounts.moving_surface * moving + amounts.bed_surface * bed;
-            let saturated = matches!(scene.coupling, Some(Coupling::PartiallySaturated(_)));
-            if saturated && flow.turbulence.is_some() && mapped > 0.0 {
-                mapped += amounts.surface * EDDY_CELL_TIME;
-            }
-            all.mapping = real(clock.steps) * mapped / machine.grains;
-            let populations = amounts.cells * real(flow.lattice.count());
-            let checked = amounts.wet * real(flow.lattice.count());
-            let looks = steps / GUARD_EVERY + 2.0;
-            all.guards = looks * checked * GUARD / machine.grains;
-            all.start_and_end += populations * HASH / machine.grains;
-            let model = flow.collision.model();
-            if model.growing_wave(flow.relaxation_time).is_some() {
-                all.start_and_end += GROWING_WAVE / machine.grains;
-            }
+            run.add_flow(flow, &mut all);
         }
         if let Some(seepage) = &scene.seepage {
-            let [once, cell, _] = SEEPAGE;
-            let porosity = amounts.grains * parts.porosity;
-            all.seepage = steps * (once + amounts.seepage_cells * cell + porosity) / machine.grains;
-            if let Some(piping) = &seepage.piping {
-                let cells = real(piping.settings.path.count);
-                let each = once + amounts.seepage_cells * WITHDRAWAL;
-                all.seepage += (cells * each + EQUILIBRIA * cells.powi(4)) / machine.grains;
-            }
-            if let Some(soil) = &seepage.written.unsaturated {
-                let [first, later, adaptive] = UNSATURATED;
-                let known = seepage.has_stored_start();
-                let begin = if known { 0.0 } else { first };
-                let advance = match &soil.transient {
-                    Some(flow) => {
-                        let steps = super::fronts::adaptive_steps(scene, seepage, flow, steps);
-                        REPEATED * steps * adaptive
-                    }
-                    None => steps * later,
-                };
-                all.seepage += amounts.seepage_cells * (begin + advance) / machine.grains;
-            }
+            all.seepage = run.seepage(seepage);
         }
         if let Some(joints) = &scene.joints {
-            let link = JOINT_LINK[usize::from(!joints.written.inertia)];
-            let [links, moving] = amounts.joint_links;
-            let entry = JOINT_ENTRY[usize::from(joints.movers > 0)];
-            let step = links * link + moving * MOVING_LINK + amounts.joint_entries * entry;
-            let made = steps / f64::from(joints.lattice_steps);
-            all.joints = made * step / machine.grains;
+            all.joints = run.joints(joints);
         }
         if amounts.moving() > 0.0 {
-            let [round, block] = parts.solid;
-            let solids = (amounts.grains + amounts.bodies) * round + amounts.blocks * block;
-            let dense = if three == 1 {
-                (amounts.contacts - CONTACTS * amounts.grains).max(0.0)
-            } else {
-                0.0
-            };
-            let [walls, servos] = amounts.wall_contacts;
-            let contacts = (dense + walls) * CONTACT + servos * SERVO_CONTACT;
-            // Generated grains fall without contacts at first and rest on others later.
-            let falling = if three == 1 { amounts.falling } else { 0.0 };
-            let generated = amounts.present * GRAIN[three] - falling * CONTACTS * CONTACT;
-            let searched = amounts.grains + amounts.bodies + amounts.blocks + amounts.present;
-            all.grains = (solid_steps * (SOLID_STEP + contacts + generated)
-                + real(clock.steps) * (GRAIN_STEP + solids)
-                + amounts.generated * searched * BIRTH)
-                / machine.grains;
+            all.grains = run.grains();
         }
         if let Some(grains) = &scene.grains {
-            let steps = prepared_in(scene, clock, &grains.source);
-            let bonds = scene
-                .contact
-                .as_ref()
-                .is_some_and(|table| table.model().bonds());
-            let listed = if bonds { IN_MOTION } else { 1.0 };
-            all.preparation = amounts.prepared * GRAIN[three] * listed * steps / machine.grains;
+            all.preparation = run.preparation(&grains.source);
         }
-        let output = &scene.output;
-        let fields = output.fluid.as_ref().map_or(0.0, |o| {
-            let numbers: usize = o
-                .fields
-                .iter()
-                .map(|f| f.components(scene.grid.dimension))
-                .sum();
+        all
+    }
+}
+
+/// Run whose phases are timed.
+struct TimedRun<'a> {
+    scene: &'a Scene,
+    clock: &'a Clock,
+    amounts: &'a CostQuantities,
+    machine: Machine,
+    parts: Parts,
+    /// Steps with those of the warm-up.
+    steps: f64,
+    /// Entry of the tables: 0 in 2-D, 1 in 3-D.
+    space: usize,
+}
+
+impl TimedRun<'_> {
+    /// Adds the phases of a fluid on a lattice: its steps, the mapping of bodies, guards, hash and search for waves.
+    fn add_flow(&self, flow: &Flow, all: &mut Seconds) {
+        let Self {
+            scene,
+            clock,
+            amounts,
+            machine,
+            parts,
+            steps,
+            ..
+        } = self;
+        let openings: f64 = flow
+            .patches()
+            .filter(|patch| patch.condition.model().passes_water())
+            .map(|patch| {
+                let cells = (0..scene.grid.dimension).filter(|a| *a != patch.face.axis());
+                cells
+                    .map(|a| real(patch.to[a].saturating_sub(patch.from[a])))
+                    .product::<f64>()
+            })
+            .sum();
+        let solids = amounts.surface * parts.linked + amounts.covered * parts.covered;
+        let interface = amounts.interface * parts.interface + amounts.wet * parts.wet;
+        let acted_on = amounts.acted_on * TERM * real(flow.lattice.count());
+        let beside = STEP + openings * OPENING + solids + interface + acted_on;
+        all.fluid = steps * (amounts.wet * parts.cell / machine.fluid + beside / machine.grains);
+        let [bed, moving] = parts.mapped;
+        let mut mapped = amounts.moving_surface * moving + amounts.bed_surface * bed;
+        let saturated = matches!(scene.coupling, Some(Coupling::PartiallySaturated(_)));
+        if saturated && flow.turbulence.is_some() && mapped > 0.0 {
+            mapped += amounts.surface * EDDY_CELL_TIME;
+        }
+        all.mapping = real(clock.steps) * mapped / machine.grains;
+        let populations = amounts.cells * real(flow.lattice.count());
+        let checked = amounts.wet * real(flow.lattice.count());
+        let looks = steps / GUARD_EVERY + 2.0;
+        all.guards = looks * checked * GUARD / machine.grains;
+        all.start_and_end += populations * HASH / machine.grains;
+        let model = flow.collision.model();
+        if model.growing_wave(flow.relaxation_time).is_some() {
+            all.start_and_end += GROWING_WAVE / machine.grains;
+        }
+    }
+
+    fn seepage(&self, seepage: &Seepage) -> f64 {
+        let (amounts, machine, steps) = (self.amounts, self.machine, self.steps);
+        let [once, cell, _] = SEEPAGE;
+        let porosity = amounts.grains * self.parts.porosity;
+        let mut time = steps * (once + amounts.seepage_cells * cell + porosity) / machine.grains;
+        if let Some(piping) = &seepage.piping {
+            let cells = real(piping.settings.path.count);
+            let each = once + amounts.seepage_cells * WITHDRAWAL;
+            time += (cells * each + EQUILIBRIA * cells.powi(4)) / machine.grains;
+        }
+        if let Some(soil) = &seepage.written.unsaturated {
+            let [first, later, adaptive] = UNSATURATED;
+            let known = seepage.has_stored_start();
+            let begin = if known { 0.0 } else { first };
+            let advance = match &soil.transient {
+                Some(flow) => {
+                    let steps = super::fronts::adaptive_steps(self.scene, seepage, flow, steps);
+                    REPEATED * steps * adaptive
+                }
+                None => steps * later,
+            };
+            time += amounts.seepage_cells * (begin + advance) / machine.grains;
+        }
+        time
+    }
+
+    fn joints(&self, joints: &JointScene) -> f64 {
+        let link = JOINT_LINK[usize::from(!joints.written.inertia)];
+        let [links, moving] = self.amounts.joint_links;
+        let entry = JOINT_ENTRY[usize::from(joints.movers > 0)];
+        let step = links * link + moving * MOVING_LINK + self.amounts.joint_entries * entry;
+        let made = self.steps / f64::from(joints.lattice_steps);
+        made * step / self.machine.grains
+    }
+
+    /// Returns the time of contacts, motion and generation of solids.
+    fn grains(&self) -> f64 {
+        let (clock, amounts) = (self.clock, self.amounts);
+        let solid_steps = real(clock.steps) * f64::from(clock.solid_steps_per_step);
+        let [round, block] = self.parts.solid;
+        let solids = (amounts.grains + amounts.bodies) * round + amounts.blocks * block;
+        let dense = if self.space == 1 {
+            (amounts.contacts - CONTACTS * amounts.grains).max(0.0)
+        } else {
+            0.0
+        };
+        let [walls, servos] = amounts.wall_contacts;
+        let contacts = (dense + walls) * CONTACT + servos * SERVO_CONTACT;
+        // Generated grains fall without contacts at first and rest on others later.
+        let falling = if self.space == 1 {
+            amounts.falling
+        } else {
+            0.0
+        };
+        let generated = amounts.present * GRAIN[self.space] - falling * CONTACTS * CONTACT;
+        let searched = amounts.grains + amounts.bodies + amounts.blocks + amounts.present;
+        (solid_steps * (SOLID_STEP + contacts + generated)
+            + real(clock.steps) * (GRAIN_STEP + solids)
+            + amounts.generated * searched * BIRTH)
+            / self.machine.grains
+    }
+
+    fn preparation(&self, source: &GrainSource) -> f64 {
+        let steps = prepared_in(self.scene, self.clock, source);
+        let listed = if has_bonds(self.scene) {
+            IN_MOTION
+        } else {
+            1.0
+        };
+        self.amounts.prepared * GRAIN[self.space] * listed * steps / self.machine.grains
+    }
+
+    /// Returns the time of files with checkpoints of so many bytes.
+    fn output(&self, checkpoint: f64) -> f64 {
+        let (scene, amounts) = (self.scene, self.amounts);
+        let fields = scene.output.fluid.as_ref().map_or(0.0, |o| {
+            let components = o.fields.iter().map(|f| f.components(scene.grid.dimension));
             outputs(o.every, scene.time.end)
                 * (amounts.cells + amounts.seepage_cells)
-                * real(numbers)
+                * real(components.sum::<usize>())
                 * 4.0
         });
         let bytes = checkpoint * CHECKPOINT_BYTE + fields * BYTE;
-        all.output = (times_written(scene) * OUTPUT + bytes) / machine.grains;
-        all
+        (times_written(scene) * OUTPUT + bytes) / self.machine.grains
     }
+}
+
+/// Returns `true` if the contact law bonds grains.
+fn has_bonds(scene: &Scene) -> bool {
+    let table = scene.contact.as_ref();
+    table.is_some_and(|table| table.model().bonds())
 }
 
 /// Returns the time in which a run waits for the start of MPI and for its files \[s\].

@@ -17,6 +17,15 @@ use std::sync::Arc;
 /// Columns of a raster that give a permeability.
 const PERMEABILITIES: [&str; 3] = ["permeability", "hydraulic_conductivity", "factor"];
 
+/// Ground of all zones of a case.
+#[derive(Clone, Copy)]
+struct Ground {
+    /// Factor from hydraulic conductivity to permeability, mu/(rho g); infinite without gravity.
+    permeable: f64,
+    /// `true` if the zones are the ground: without grains and bodies, and in unsaturated ground.
+    alone: bool,
+}
+
 impl Seepage {
     /// Returns the zones on the coarse grid; none if the case has none.
     pub(super) fn zones_of(
@@ -32,78 +41,16 @@ impl Seepage {
         let strength = case.gravity.as_ref().map_or(0.0, |gravity| {
             gravity.to_array().iter().map(|g| g * g).sum::<f64>().sqrt()
         });
-        // Factor from hydraulic conductivity to permeability: mu/(rho g).
-        let permeable = written.viscosity / (written.density * strength);
-        // Without grains and bodies, and in unsaturated ground, the zones are the ground.
-        let alone =
-            case.grains.is_none() && case.bodies.is_empty() || written.unsaturated.is_some();
+        let ground = Ground {
+            permeable: written.viscosity / (written.density * strength),
+            alone: case.grains.is_none() && case.bodies.is_empty() || written.unsaturated.is_some(),
+        };
         let mut known = Vec::new();
         let mut zones = Vec::new();
         for (n, zone) in written.zones.iter().enumerate() {
             let path = format!("{PATH}.zones[{n}]");
             unique(&mut known, &zone.name, &format!("{path}.name"), findings);
-            let [from, to] = zone
-                .region
-                .as_ref()
-                .map_or([[f64::NEG_INFINITY; 3], [f64::INFINITY; 3]], |written| {
-                    region(grid, written, &format!("{path}.region"), findings)
-                });
-            if zone.permeability.is_none()
-                && zone.porosity.is_none()
-                && zone.raster.is_none()
-                && zone.retention.is_none()
-            {
-                findings.error(
-                    &path,
-                    "the zone defines neither a permeability nor a porosity, so that it has no effect",
-                    Remedy::from("add one, for example a porosity of 0.4, or remove the zone")
-                        .set(format!("{path}.porosity"), 0.4),
-                );
-            }
-            if let Some(ZonePermeability::Resistance(law)) = zone.permeability
-                && !law.model().supports_equations(written.equations)
-            {
-                findings.error(
-                    &format!("{path}.permeability.resistance"),
-                    "the equations \"as_printed\" allow only the resistance of Kozeny and Carman",
-                    Remedy::from("use \"kozeny_carman\"")
-                        .set(format!("{path}.permeability.resistance"), "kozeny_carman"),
-                );
-            }
-            let mut directions = bedding(case, zone, &path, findings);
-            let mut shear = 0.0;
-            if let Some(dip) = zone.dip {
-                self.check_dip(case, zone, &path, findings);
-                (directions, shear) = dipping(zone.anisotropy.unwrap_or(1.0), dip);
-            }
-            let raster = raster(case, zone, grid, (&path, permeable), findings);
-            self.refuse_laws_of_grains(zone, raster.as_ref(), (&path, alone), findings);
-            let conducts = matches!(
-                zone.permeability,
-                Some(ZonePermeability::HydraulicConductivity(_))
-            );
-            if conducts && strength <= 0.0 {
-                weightless(
-                    &format!("{path}.permeability.hydraulic_conductivity"),
-                    findings,
-                );
-            }
-            zones.push(Resolved {
-                from,
-                to,
-                polygon: polygon(case, zone, &path, findings),
-                permeability: zone.permeability.map(|written| match written {
-                    ZonePermeability::Value(value) => Rule::Value(value),
-                    ZonePermeability::HydraulicConductivity(k) => Rule::Value(k * permeable),
-                    ZonePermeability::Factor(factor) => Rule::Factor(factor),
-                    ZonePermeability::Resistance(law) => Rule::Law(law),
-                }),
-                porosity: zone.porosity,
-                raster,
-                directions,
-                shear,
-                without_grains: zone.without_grains || alone,
-            });
+            zones.push(self.zone(case, grid, zone, (&path, ground), findings));
         }
         let all = Zones::new(&self.coarse_grid(grid.dimension), &zones);
         for (n, reached) in all.reached().iter().enumerate() {
@@ -120,6 +67,84 @@ impl Seepage {
             }
         }
         Some(Arc::new(all))
+    }
+
+    /// Returns a zone with its region, permeability and porosity; reports what is wrong with it.
+    fn zone(
+        &self,
+        case: &Case,
+        grid: &Grid,
+        zone: &Zone,
+        (path, ground): (&str, Ground),
+        findings: &mut Findings,
+    ) -> Resolved {
+        let [from, to] = zone
+            .region
+            .as_ref()
+            .map_or([[f64::NEG_INFINITY; 3], [f64::INFINITY; 3]], |written| {
+                region(grid, written, &format!("{path}.region"), findings)
+            });
+        self.check_content(zone, path, findings);
+        let mut directions = bedding(case, zone, path, findings);
+        let mut shear = 0.0;
+        if let Some(dip) = zone.dip {
+            self.check_dip(case, zone, path, findings);
+            (directions, shear) = dipping(zone.anisotropy.unwrap_or(1.0), dip);
+        }
+        let raster = raster(case, zone, grid, (path, ground.permeable), findings);
+        self.refuse_laws_of_grains(zone, raster.as_ref(), (path, ground.alone), findings);
+        let conducts = matches!(
+            zone.permeability,
+            Some(ZonePermeability::HydraulicConductivity(_))
+        );
+        if conducts && !ground.permeable.is_finite() {
+            weightless(
+                &format!("{path}.permeability.hydraulic_conductivity"),
+                findings,
+            );
+        }
+        Resolved {
+            from,
+            to,
+            polygon: polygon(case, zone, path, findings),
+            permeability: zone.permeability.map(|written| match written {
+                ZonePermeability::Value(value) => Rule::Value(value),
+                ZonePermeability::HydraulicConductivity(k) => Rule::Value(k * ground.permeable),
+                ZonePermeability::Factor(factor) => Rule::Factor(factor),
+                ZonePermeability::Resistance(law) => Rule::Law(law),
+            }),
+            porosity: zone.porosity,
+            raster,
+            directions,
+            shear,
+            without_grains: zone.without_grains || ground.alone,
+        }
+    }
+
+    /// Reports a zone without effect, and a law of resistance that the equations do not allow.
+    fn check_content(&self, zone: &Zone, path: &str, findings: &mut Findings) {
+        if zone.permeability.is_none()
+            && zone.porosity.is_none()
+            && zone.raster.is_none()
+            && zone.retention.is_none()
+        {
+            findings.error(
+                path,
+                "the zone defines neither a permeability nor a porosity, so that it has no effect",
+                Remedy::from("add one, for example a porosity of 0.4, or remove the zone")
+                    .set(format!("{path}.porosity"), 0.4),
+            );
+        }
+        if let Some(ZonePermeability::Resistance(law)) = zone.permeability
+            && !law.model().supports_equations(self.written.equations)
+        {
+            let path = format!("{path}.permeability.resistance");
+            findings.error(
+                &path,
+                "the equations \"as_printed\" allow only the resistance of Kozeny and Carman",
+                Remedy::from("use \"kozeny_carman\"").set(path.clone(), "kozeny_carman"),
+            );
+        }
     }
 
     /// Refuses a permeability that follows from that of grains where none does: without grains, and in unsaturated
@@ -387,6 +412,14 @@ fn columns(axes: &[&'static str]) -> Vec<Column> {
         .collect()
 }
 
+/// Node of a raster and the line on which it stands.
+struct Node {
+    at: [f64; 3],
+    rule: Option<Rule>,
+    porosity: Option<f64>,
+    line: u64,
+}
+
 /// Reads a raster; returns it with the name of its permeability column. `permeable` is the ratio of permeability to
 /// hydraulic conductivity [m s].
 ///
@@ -407,16 +440,7 @@ fn read(
             PERMEABILITIES.join(", ")
         ),
     })?;
-    let stated = PERMEABILITIES.iter().enumerate();
-    let stated =
-        stated.filter_map(|(k, name)| sheet.has(axes.len() + k).then_some((*name, axes.len() + k)));
-    let stated: Vec<(&str, usize)> = stated.collect();
-    if let [(one, _), (other, _), ..] = stated[..] {
-        return Err(format!(
-            "the columns `{one}` and `{other}` both define the permeability: remove one of them"
-        ));
-    }
-    let permeability = stated.first().copied();
+    let permeability = permeability_column(&sheet, axes.len())?;
     let porosity = Some(columns.len() - 1).filter(|column| sheet.has(*column));
     if permeability.is_none() && porosity.is_none() {
         return Err(format!(
@@ -446,37 +470,68 @@ fn read(
                 _ => Rule::Value(value * permeable),
             });
         }
-        let pores = porosity.map(|column| row.number(column)).transpose()?;
-        if let Some(pores) = pores.filter(|n| !(*n > 0.0 && *n < 1.0)) {
+        let porosity = porosity.map(|column| row.number(column)).transpose()?;
+        if let Some(pores) = porosity.filter(|n| !(*n > 0.0 && *n < 1.0)) {
             return Err(format!(
                 "line {line}: `porosity` is {pores}; it must be between 0 and 1"
             ));
         }
-        nodes.push((at, rule, pores, line));
+        nodes.push(Node {
+            at,
+            rule,
+            porosity,
+            line,
+        });
         Ok(())
     })?;
+    Ok((raster_of(nodes, axes)?, permeability.map(|(name, _)| name)))
+}
+
+/// Returns name and number of the column that states the permeability, if one does, after so many coordinates.
+///
+/// # Errors
+/// If two columns state it.
+fn permeability_column(
+    sheet: &Sheet<'_>,
+    coordinates: usize,
+) -> Result<Option<(&'static str, usize)>, String> {
+    let columns = PERMEABILITIES.iter().copied().zip(coordinates..);
+    let stated: Vec<(&str, usize)> = columns.filter(|(_, n)| sheet.has(*n)).collect();
+    match stated[..] {
+        [(one, _), (other, _), ..] => Err(format!(
+            "the columns `{one}` and `{other}` both define the permeability: remove one of them"
+        )),
+        _ => Ok(stated.first().copied()),
+    }
+}
+
+/// Returns the raster of nodes that come in any order.
+///
+/// # Errors
+/// If two nodes are the same, or one is missing.
+fn raster_of(mut nodes: Vec<Node>, axes: &[&str]) -> Result<Raster, String> {
     if nodes.is_empty() {
         return Err("the raster contains no node".into());
     }
-    nodes.sort_by(|(p, ..), (q, ..)| {
-        let along = |a: usize| p[a].total_cmp(&q[a]);
+    nodes.sort_by(|p, q| {
+        let along = |a: usize| p.at[a].total_cmp(&q.at[a]);
         along(2).then(along(1)).then(along(0))
     });
-    let same = |p: &[f64; 3], q: &[f64; 3]| (0..3).all(|a| p[a].total_cmp(&q[a]).is_eq());
-    if let Some(pair) = nodes.windows(2).find(|pair| same(&pair[0].0, &pair[1].0)) {
+    let same = |p: &Node, q: &Node| (0..3).all(|a| p.at[a].total_cmp(&q.at[a]).is_eq());
+    if let Some(pair) = nodes.windows(2).find(|pair| same(&pair[0], &pair[1])) {
         return Err(format!(
             "lines {} and {} are the same node",
-            pair[0].3.min(pair[1].3),
-            pair[0].3.max(pair[1].3)
+            pair[0].line.min(pair[1].line),
+            pair[0].line.max(pair[1].line)
         ));
     }
     let along: [Vec<f64>; 3] = std::array::from_fn(|a| {
-        let mut all: Vec<f64> = nodes.iter().map(|(at, ..)| at[a]).collect();
+        let mut all: Vec<f64> = nodes.iter().map(|node| node.at[a]).collect();
         all.sort_by(f64::total_cmp);
         all.dedup();
         all
     });
-    let counts: Vec<usize> = along[..dimension.min(3)].iter().map(Vec::len).collect();
+    let counts: Vec<usize> = along[..axes.len()].iter().map(Vec::len).collect();
     // If the nodes differ and fill every combination of coordinates, they are complete.
     if counts.iter().try_fold(1_usize, |n, m| n.checked_mul(*m)) != Some(nodes.len()) {
         return Err(format!(
@@ -491,12 +546,11 @@ fn read(
             axes.join(", ")
         ));
     }
-    let raster = Raster {
+    Ok(Raster {
         nodes: along,
-        permeability: nodes.iter().filter_map(|(_, rule, ..)| *rule).collect(),
-        porosity: nodes.iter().filter_map(|(_, _, pores, _)| *pores).collect(),
-    };
-    Ok((raster, permeability.map(|(name, _)| name)))
+        permeability: nodes.iter().filter_map(|node| node.rule).collect(),
+        porosity: nodes.iter().filter_map(|node| node.porosity).collect(),
+    })
 }
 
 #[cfg(test)]
