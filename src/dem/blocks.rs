@@ -8,12 +8,11 @@ use std::sync::Arc;
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
-use super::columns::{Entry, joined};
 use super::message::{Reader, Writer};
 use super::particles::{Body, Kind, Motion, Particles, ParticlesView, SPHERE};
 use super::polyhedron::{Polyhedron, RotationState};
 use super::space::{Components, Space};
-use super::table::{Columns, NamedColumns};
+use super::table::{Columns, Entry, NamedColumns, joined};
 use base::error::Error;
 
 /// Motion of a block in space.

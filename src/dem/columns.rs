@@ -4,16 +4,13 @@
 //! A line names the array, its container and element type, the occasion on which it crosses ranks ([`Crosses`]),
 //! its treatment in checkpoints ([`CheckpointColumns`]) and the value of a new grain. Insertion, removal,
 //! reordering, messages and checkpoints are generated from the list. The element type implements [`Entry`]; for a
-//! struct of numbers [`entry`] does so.
-
-mod entry;
+//! struct of numbers the macro `entry` does so.
 
 use std::ops::{Deref, DerefMut};
 
 use super::space::Space;
-use super::table::NamedColumns;
+use super::table::{Entry, NamedColumns};
 use base::error::Error;
-pub(super) use entry::{Entry, entry, joined};
 
 /// Occasion on which an array crosses ranks. Later variants include the earlier ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -17,7 +17,7 @@
 //! | `parts` | forces and motion of spheres, by threads |
 //! | `blocks` | bodies that are polyhedra |
 //! | `histories` | contact histories between lists and runs |
-//! | `migrate` | grains and histories sent to the owners of the grains |
+//! | `rebuild` | grains and histories sent to the owners of the grains, then ghosts and lists |
 //! | `bond_events` | bonds made, failed and removed |
 //! | `report` | contacts and counts for output |
 
@@ -31,18 +31,17 @@ mod facets;
 mod flush;
 mod histories;
 mod lists;
-mod migrate;
 mod pairs;
 mod parts;
+pub(super) mod rebuild;
 mod report;
 
-use super::census::{agree, census};
+use super::census::agree;
 use super::contact::{ContactKinematics, ContactLaw, Failure, PairProperties, PairTable};
 use super::deepest::{Deepest, Partner, Record, inner_radius};
 use super::ghosts;
 use super::integrate::{self, Fastest, Kick, Phase};
 use super::message::{Reader, Writer};
-use super::migration::{self, pack_grains, unpack_grains};
 use super::neighbors::Search;
 use super::particles::{Body, Load, Motion, Particles, ParticlesView};
 use super::region::GrainDomain;
@@ -55,7 +54,7 @@ pub(super) use any::{AnyEngine, MakeEngine};
 use base::error::Error;
 use base::thread_pool;
 use bodies::Bodies;
-use decomposition::{Domain, exchange};
+use decomposition::Domain;
 use facets::{AtFacets, Facets, Held, history_of};
 pub(super) use histories::{Key, WallKey};
 use lists::{Pair, WallPair};
@@ -306,98 +305,6 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         Ok(())
     }
 
-    /// Sends grains to their owners, and builds ghosts and lists.
-    fn rebuild(&mut self, particles: &mut Particles<S>, domain: &Domain) -> Result<(), Error> {
-        self.validity.rebuilds += 1;
-        let region = self.settings.region;
-        self.remember();
-        particles.lengths = region.periodic_lengths();
-        particles.origin = region.origin();
-        particles.drop_ghosts();
-        agree(
-            domain,
-            L::check(particles).and_then(|()| migration::wrap(particles, &region)),
-        )?;
-        if domain.communicator().size() > 1 {
-            self.migrate(particles, &region, domain)?;
-        }
-        particles.sort();
-        if let Some(pair) = particles
-            .body
-            .windows(2)
-            .find(|pair| pair[0].id == pair[1].id)
-        {
-            return Err(Error::Internal(format!(
-                "two grains have the id {}",
-                pair[0].id
-            )));
-        }
-        let census = census(particles, domain)?;
-        let total: u64 = census.iter().map(|one| one.owned).sum();
-        if let Some(before) = self.validity.grain_count {
-            let added: u64 = census.iter().map(|one| one.added).sum();
-            let removed: u64 = census.iter().map(|one| one.removed).sum();
-            if before + added != total + removed {
-                return Err(Error::Internal(format!(
-                    "grains were lost: there were {before}, {added} were added and {removed} removed, but now \
-                     there are {total}"
-                )));
-            }
-        }
-        self.validity.grain_count = Some(total);
-        particles.added = 0;
-        particles.removed = 0;
-        let smallest = census
-            .iter()
-            .map(|one| one.smallest)
-            .fold(f64::INFINITY, f64::min);
-        let largest = census.iter().map(|one| one.largest).fold(0.0, f64::max);
-        let gap = self.settings.skin
-            + if total > 0 {
-                self.law.widest_opening([2.0 * smallest, 2.0 * largest])
-            } else {
-                0.0
-            };
-        let surfaces = self.walls.iter().filter_map(|wall| wall.surface.as_ref());
-        let reach = surfaces.map(|surface| surface.longest_reach());
-        let reach = reach.fold(f64::INFINITY, f64::min);
-        if largest + gap > reach {
-            return Err(Error::Numerical(format!(
-                "a body with a radius of {largest} m and a neighbour gap of {gap} m reaches farther than half a \
-                 period of the domain, {reach} m, so that its contacts with walls of facets are ambiguous"
-            )));
-        }
-        ghosts::make(
-            particles,
-            &region,
-            &census,
-            gap,
-            self.settings.ghost_margin,
-            domain,
-        )?;
-        L::pose(&mut self.scratch, particles, self.parallel);
-        self.list(particles, gap);
-        particles.listed = true;
-        self.validity.listed = true;
-        // The log reports powers of two, so that it shows a run that builds lists in every step and remains short.
-        if self.validity.rebuilds.is_power_of_two() {
-            log::debug!(
-                "rank {}: lists made {} times in {} solid steps: {} grains of {total} owned, {} ghosts, {} pairs, {} \
-                 at plane walls, {} at facets; skin {:.3e} m",
-                domain.rank(),
-                self.validity.rebuilds,
-                self.steps,
-                particles.owned(),
-                particles.len() - particles.owned(),
-                self.lists.pairs.len(),
-                self.solids.wall_pairs.len(),
-                self.facet_pairs(),
-                self.settings.skin
-            );
-        }
-        Ok(())
-    }
-
     /// Computes the contact loads of all owned bodies and records the deepest contact. Then the bodies move in
     /// `phase`.
     fn all_forces(
@@ -461,6 +368,6 @@ fn all_bounded<S: Space>(particles: &Particles<S>) -> Result<(), Error> {
             && motion.spin.scalar(&motion.spin).is_finite())
     }) {
         None => Ok(()),
-        Some(k) => Err(migration::lost(particles, k, "has no finite motion")),
+        Some(k) => Err(rebuild::lost(particles, k, "has no finite motion")),
     }
 }

@@ -16,7 +16,7 @@
 //! | `space` | two and three dimensions |
 //! | `particles` | the list of arrays of a grain, and their store |
 //! | `columns`, `table`, `message` | generated code: struct of arrays, columns of a checkpoint, bytes of a message |
-//! | `region`, `migration` | the box; ownership of grains; bytes of a grain that changes its rank |
+//! | `region` | the box |
 //! | `census` | counts and radii of the grains of all ranks; agreement on an error |
 //! | `ghosts`, `ghost_plan` | copies of grains on other ranks; their messages |
 //! | `blocks` | shapes and orientations of the blocks among the grains |
@@ -27,7 +27,7 @@
 //! | `servo` | plane walls whose mean normal stress follows a stress that is given |
 //! | `integrate` | velocity Verlet |
 //! | `polyhedron` | convex polyhedra: shape, contact, force and rotation, for one body or one pair |
-//! | `engine` | the step, the lists, the migration of grains and histories |
+//! | `engine` | the step, the lists, the ownership and migration of grains and histories |
 //! | `dashpot` | the normal dashpot of a contact over time steps |
 //! | `deepest` | the deepest contact of all steps |
 //! | `relax` | unbalanced force |
@@ -52,7 +52,6 @@ mod ghosts;
 pub mod instances;
 mod integrate;
 mod message;
-mod migration;
 mod neighbors;
 pub mod particles;
 pub mod polyhedron;

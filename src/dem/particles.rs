@@ -13,14 +13,12 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 
-use super::columns::{
-    Array, CheckpointColumns, Crosses, Entry, Optional, entry, grain_arrays, joined,
-};
+use super::columns::{Array, CheckpointColumns, Crosses, Optional, grain_arrays};
 use super::ghost_plan::GhostPlan;
 use super::message::{Reader, Writer};
 use super::polyhedron::{Polyhedron, RotationState};
-use super::space::{Components, Space};
-use super::table::{Columns, NamedColumns, Values};
+use super::space::{Components, Space, spin, vector};
+use super::table::{Columns, Entry, NamedColumns, Values, entry, joined};
 use base::error::Error;
 
 /// Kind of motion of a grain.
@@ -135,6 +133,18 @@ entry! {
         pub velocity: S::Vector,
         /// Angular velocity [rad/s].
         pub spin: S::Spin,
+    }
+}
+
+impl<S: Space> Motion<S> {
+    /// Returns the motion of a body from position \[m\], velocity [m/s] and angular velocity [rad/s].
+    #[must_use]
+    pub fn new(position: [f64; 3], velocity: [f64; 3], angular_velocity: [f64; 3]) -> Self {
+        Self {
+            position: vector::<S>(position),
+            velocity: vector::<S>(velocity),
+            spin: spin::<S>(angular_velocity),
+        }
     }
 }
 

@@ -267,6 +267,20 @@ pub fn vector<S: Space>(v: [f64; 3]) -> S::Vector {
     vector
 }
 
+/// Returns the rotation rate from a vector along the axes: the vector in 3-D, its component along z in 2-D.
+#[must_use]
+pub fn spin<S: Space>(w: [f64; 3]) -> S::Spin {
+    let mut spin = S::Spin::default();
+    if S::DIMENSION == 2 {
+        spin.set(0, w[2]);
+    } else {
+        for (a, &x) in w.iter().enumerate() {
+            spin.set(a, x);
+        }
+    }
+    spin
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

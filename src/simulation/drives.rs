@@ -3,11 +3,10 @@
 //! The velocity of a step is the mean of the table over the step, so that the path is the integral of the table for any
 //! rows and any length of a step. It is a function of the step alone: a checkpoint contains no state of a table.
 
-use super::setup::spin;
 use base::history::TimeTable;
 use dem::Dem;
 use dem::particles::Particles;
-use dem::space::{Space, vector};
+use dem::space::{Space, spin, vector};
 use plan::Plan;
 
 /// Wall that follows a table.

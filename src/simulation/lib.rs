@@ -6,7 +6,7 @@
 //! |---|---|
 //! | `run` | launch of runs; `run/start` the state before the first step, `run/runner` the loop, `run/summary` |
 //! | `setup`, `coupled` | state from the plan: fluid, initial flow, walls, bodies, grains; fluid with its coupling |
-//! | `preparation` | the sample of grains, its reports and checkpoints |
+//! | `preparation` | progress and checkpoints of an unfinished sample of grains |
 //! | `resume`, `recorders` | continuation from a checkpoint; states of the recorders in it |
 //! | `balance`, `calibration`, `affinity` | slabs of equal cost; speed of the fluid on this machine; cores of threads |
 //! | `schedule` | the events that are due after a step |
@@ -44,7 +44,7 @@ pub mod guards;
 mod means;
 pub mod phases;
 mod piping;
-pub mod preparation;
+mod preparation;
 pub mod progress;
 mod recorders;
 pub mod removal;

@@ -1,32 +1,27 @@
-//! The sample of grains of a run: prepared on the first rank and saved in the folder of the run. Errors are the
-//! same on all ranks.
+//! Supervision of the preparation of grains on the first rank: its progress, requests to it, and checkpoints of an
+//! unfinished sample in the folder of the run.
 
-use super::agreement;
 use super::folder::RunFolder;
-use super::setup;
 use super::watch::Watch;
 use base::error::Error;
 use decomposition::Communicator;
 use dem::Dem;
 use dem::particles::Particles;
 use dem::space::Space;
-use io::checkpoint::{Found, Reader};
-use output::checkpoint::{self, RunState};
-use plan::Plan;
-use preparation::supervision::{Request, Requests, SavedSample, Supervision, Supervisor};
-use preparation::{Engine, Prepared, prepare};
+use output::checkpoint::RunState;
+use preparation::supervision::{Request, Requests, Supervisor};
 use serde_json::{Value, json};
 use std::cell::RefCell;
 use std::time::Instant;
 
 /// Supervisor of a preparation on the first rank: it reports progress, forwards requests, and saves checkpoints.
-struct SampleSupervisor<'a> {
-    watch: RefCell<&'a mut Watch>,
-    report: &'a dyn Fn(&str),
-    communicator: &'a Communicator,
-    folder: &'a RunFolder,
+pub(super) struct SampleSupervisor<'a> {
+    pub(super) watch: RefCell<&'a mut Watch>,
+    pub(super) report: &'a dyn Fn(&str),
+    pub(super) communicator: &'a Communicator,
+    pub(super) folder: &'a RunFolder,
     /// Attributes stored in the checkpoints.
-    attributes: &'a Value,
+    pub(super) attributes: &'a Value,
 }
 
 impl<S: Space> Supervisor<S> for SampleSupervisor<'_> {
@@ -81,64 +76,4 @@ impl<S: Space> Supervisor<S> for SampleSupervisor<'_> {
         }
         Ok(())
     }
-}
-
-/// Returns the state of a sample from a checkpoint. First rank.
-fn saved<S: Space>(found: &Found) -> Result<SavedSample<S>, Error> {
-    let reader = Reader::open(found).map_err(|e| Error::Io(e.to_string()))?;
-    let (grains, contacts) = checkpoint::read_tables(&reader, 0)?;
-    Ok(SavedSample {
-        particles: Particles::from_table(&grains)?,
-        contacts,
-        progress: reader.attributes()["preparation"]["sample"].clone(),
-    })
-}
-
-/// Generates, reads or lists the grains and cuts the sample; continues from the checkpoint of an earlier attempt,
-/// if any. `attributes` are stored in the checkpoints of an unfinished sample. Collective.
-///
-/// # Errors
-/// If the sample cannot be made, read or saved, and [`Error::Stopped`] after a request; the same on all ranks.
-pub fn grains<S: Space>(
-    plan: &Plan,
-    folder: &RunFolder,
-    communicator: &Communicator,
-    watch: &mut Watch,
-    report: &dyn Fn(&str),
-    attributes: &Value,
-    earlier: Option<&Found>,
-) -> Result<Prepared, Error> {
-    let mine = if communicator.rank() == 0 {
-        let supervisor = SampleSupervisor {
-            watch: RefCell::new(watch),
-            report,
-            communicator,
-            folder,
-            attributes,
-        };
-        let made = earlier.map(saved::<S>).transpose().and_then(|saved| {
-            let engine = Engine {
-                region: setup::region::<S>(plan),
-                walls: setup::walls::<S>(plan),
-            };
-            prepare(
-                plan,
-                folder.path(),
-                &engine,
-                &Supervision::new(&supervisor, saved),
-            )
-        });
-        supervisor.watch.into_inner().finish(communicator);
-        made
-    } else {
-        watch.answer_checks(communicator);
-        Ok(Prepared::default())
-    };
-    let mut prepared = agreement::agree(communicator, mine)?;
-    // Every rank writes the report into checkpoints, and all must write the same bytes.
-    let mut report = prepared.report.to_string().into_bytes();
-    communicator.broadcast_bytes(0, &mut report);
-    prepared.report = serde_json::from_slice(&report)
-        .map_err(|e| Error::Internal(format!("the report of the preparation: {e}")))?;
-    Ok(prepared)
 }

@@ -17,8 +17,8 @@ use coupling::seepage::{self, Seepage};
 use darcy;
 use decomposition::{Communicator, SplitAxis};
 use dem::particles::{Body, Kind, Motion, Particles};
+use dem::space::Space;
 pub use dem::space::vector;
-use dem::space::{Components, Space};
 use dem::{Dem, DemSettings, GrainDomain, Wall};
 use lbm::boundary::{Opening, Patch};
 use lbm::fluid::{Force, Setup};
@@ -27,7 +27,6 @@ use lbm::surface::SurfaceTension;
 use plan::scene::bodies::Mobility;
 use plan::scene::boundaries;
 use plan::scene::flow::{BodyForce, Flow};
-use plan::scene::sample::ListedGrain;
 use plan::scene::seepage::{Seepage as SeepageScene, SeepagePatch};
 use plan::{self, Plan};
 use std::sync::Arc;
@@ -152,19 +151,6 @@ pub fn tension(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Option<Surface
     })
 }
 
-/// Returns the rotation rate from a vector along the axes: the vector in 3-D, its component along z in 2-D.
-pub fn spin<S: Space>(w: [f64; 3]) -> S::Spin {
-    let mut spin = S::Spin::default();
-    if S::DIMENSION == 2 {
-        spin.set(0, w[2]);
-    } else {
-        for (a, &x) in w.iter().enumerate() {
-            spin.set(a, x);
-        }
-    }
-    spin
-}
-
 /// Returns the box of the grains.
 pub fn region<S: Space>(plan: &Plan) -> GrainDomain<S> {
     let grid = &plan.scene.grid;
@@ -221,19 +207,6 @@ pub fn temporary_walls(plan: &Plan) -> Vec<usize> {
     walls.filter(|(_, w)| w.temporary).map(|(n, _)| n).collect()
 }
 
-/// Returns the motion of a body from its position and velocities.
-fn motion_of<S: Space>(
-    position: [f64; 3],
-    velocity: [f64; 3],
-    angular_velocity: [f64; 3],
-) -> Motion<S> {
-    Motion {
-        position: vector::<S>(position),
-        velocity: vector::<S>(velocity),
-        spin: spin::<S>(angular_velocity),
-    }
-}
-
 /// Adds the named bodies (ids from 0) on the first rank; building the first neighbour lists sends them to their
 /// owners.
 ///
@@ -261,7 +234,7 @@ pub fn bodies<S: Space>(
             Mobility::Free => Kind::Free,
         };
         let [velocity, rate] = body.motion_at_start();
-        let motion = motion_of::<S>(body.position, velocity, rate);
+        let motion = Motion::new(body.position, velocity, rate);
         match &body.solid {
             None => particles.insert(made, motion),
             Some(solid) => {
@@ -271,25 +244,6 @@ pub fn bodies<S: Space>(
         }
     }
     Ok(())
-}
-
-/// Adds grains on the first rank, with ids from `first`.
-pub fn grains<S: Space>(
-    plan: &Plan,
-    communicator: &Communicator,
-    particles: &mut Particles<S>,
-    grains: &[ListedGrain],
-    first: u64,
-) {
-    if communicator.rank() != 0 {
-        return;
-    }
-    for (id, grain) in (first..).zip(grains) {
-        let density = plan.scene.materials[grain.material].density.unwrap_or(1.0);
-        let body = Body::uniform::<S>(id, grain.radius, density, to_u32(grain.material));
-        let motion = motion_of::<S>(grain.position, grain.velocity, grain.angular_velocity);
-        particles.insert(body, motion);
-    }
 }
 
 /// Returns the settings of a transient flow; `interval` is the time between two steps of the clock

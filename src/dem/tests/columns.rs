@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::columns::Crosses;
+use crate::engine::rebuild::{pack_grains, unpack_grains};
 use crate::message::{Reader, Writer};
-use crate::migration::{pack_grains, unpack_grains};
 use crate::polyhedron::{Polyhedron, RotationState};
 use nalgebra::{UnitQuaternion, Vector3};
 

@@ -1,7 +1,7 @@
 //! Tests of the initial positions of grains, which are moved together with a grain between lists.
 
+use crate::engine::rebuild::{pack_grains, unpack_grains};
 use crate::message::{Reader, Writer};
-use crate::migration::{pack_grains, unpack_grains};
 use crate::particles::{Body, Motion, Particles};
 use crate::space::Volume;
 use nalgebra::Vector3;

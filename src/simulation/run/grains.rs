@@ -2,18 +2,19 @@
 
 use super::super::Present;
 use super::super::agreement;
-use super::super::preparation;
+use super::super::preparation::SampleSupervisor;
 use super::super::resume::{self, Stage};
 use super::super::setup;
 use super::outside::Outside;
 use super::restore::{self, Origin, Source};
 use ::preparation::rest::BondRelaxation;
-use ::preparation::supervision::Request;
+use ::preparation::supervision::{Request, SavedSample, Supervision};
+use ::preparation::{Engine, Prepared};
 use base::error::Error;
-use base::number::real;
+use base::number::{real, to_u32};
 use decomposition::Communicator;
 use dem::Dem;
-use dem::particles::Particles;
+use dem::particles::{Body, Motion, Particles};
 use dem::space::Space;
 use dem::state::Contacts;
 use io::checkpoint::{Found, Reader};
@@ -22,6 +23,7 @@ use plan::Plan;
 use plan::scene::observe::RegionAction;
 use plan::scene::sample::ListedGrain;
 use serde_json::{Value, json};
+use std::cell::RefCell;
 
 /// Grains, bodies and blocks before the domain is divided into slabs: all of them on the first rank.
 pub(super) struct Grains<Sp: Space> {
@@ -90,38 +92,90 @@ fn make<Sp: Space>(
     origin: &Origin,
     outside: &mut Outside,
 ) -> Result<Grains<Sp>, Error> {
-    let (communicator, progress) = (&outside.communicator, &outside.progress);
     let earlier = origin.unfinished_sample();
     if let Some(found) = earlier {
-        progress.note(&format!(
+        outside.progress.note(&format!(
             "continuing with the sample: {}",
             found.path.display()
         ));
     }
-    let note = |line: &str| progress.note(line);
-    let prepared = preparation::grains::<Sp>(
-        plan,
-        &outside.start.folder,
-        communicator,
-        &mut outside.watch,
-        &note,
-        &resume::attributes(plan),
-        earlier,
-    )?;
+    let prepared = sample::<Sp>(plan, outside, earlier)?;
+    let (communicator, progress) = (&outside.communicator, &outside.progress);
     progress.note(&prepared.line);
     let mut particles = Particles::<Sp>::new();
     setup::blocks::shapes(plan, &mut particles)?;
     setup::bodies(plan, communicator, &mut particles)?;
     setup::blocks::blocks(plan, communicator, &mut particles)?;
-    let (grains, first) = (&prepared.grains, plan.scene.first_grain());
-    setup::grains(plan, communicator, &mut particles, grains, first);
-    let radius = typical_radius(plan, grains, communicator);
+    // The grains are on the first rank only.
+    for (id, grain) in (plan.scene.first_grain()..).zip(&prepared.grains) {
+        let density = plan.scene.materials[grain.material].density.unwrap_or(1.0);
+        let body = Body::uniform::<Sp>(id, grain.radius, density, to_u32(grain.material));
+        let motion = Motion::new(grain.position, grain.velocity, grain.angular_velocity);
+        particles.insert(body, motion);
+    }
+    let radius = typical_radius(plan, &prepared.grains, communicator);
     Ok(Grains {
         particles,
         source: Source::Sample {
             report: prepared.report,
             radius,
         },
+    })
+}
+
+/// Generates, reads or lists the grains and cuts the sample, on the first rank; continues from the checkpoint of an
+/// earlier attempt, if any. Collective.
+///
+/// # Errors
+/// If the sample cannot be made, read or saved, and [`Error::Stopped`] after a request; the same on all ranks.
+fn sample<Sp: Space>(
+    plan: &Plan,
+    outside: &mut Outside,
+    earlier: Option<&Found>,
+) -> Result<Prepared, Error> {
+    let (communicator, progress) = (&outside.communicator, &outside.progress);
+    let mine = if communicator.rank() == 0 {
+        let report = |line: &str| progress.note(line);
+        let attributes = resume::attributes(plan);
+        let folder = &outside.start.folder;
+        let supervisor = SampleSupervisor {
+            watch: RefCell::new(&mut outside.watch),
+            report: &report,
+            communicator,
+            folder,
+            attributes: &attributes,
+        };
+        let made = earlier.map(saved::<Sp>).transpose().and_then(|saved| {
+            let engine = Engine {
+                region: setup::region::<Sp>(plan),
+                walls: setup::walls::<Sp>(plan),
+            };
+            let supervision = Supervision::new(&supervisor, saved);
+            ::preparation::prepare(plan, folder.path(), &engine, &supervision)
+        });
+        supervisor.watch.into_inner().finish(communicator);
+        made
+    } else {
+        outside.watch.answer_checks(communicator);
+        Ok(Prepared::default())
+    };
+    let mut prepared = agreement::agree(communicator, mine)?;
+    // Every rank writes the report into checkpoints, and all must write the same bytes.
+    let mut report = prepared.report.to_string().into_bytes();
+    communicator.broadcast_bytes(0, &mut report);
+    prepared.report = serde_json::from_slice(&report)
+        .map_err(|e| Error::Internal(format!("the report of the preparation: {e}")))?;
+    Ok(prepared)
+}
+
+/// Returns the state of a sample from a checkpoint. First rank.
+fn saved<Sp: Space>(found: &Found) -> Result<SavedSample<Sp>, Error> {
+    let reader = Reader::open(found).map_err(|e| Error::Io(e.to_string()))?;
+    let (grains, contacts) = checkpoint::read_tables(&reader, 0)?;
+    Ok(SavedSample {
+        particles: Particles::from_table(&grains)?,
+        contacts,
+        progress: reader.attributes()["preparation"]["sample"].clone(),
     })
 }
 

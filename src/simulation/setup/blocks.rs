@@ -1,10 +1,9 @@
 //! Construction of the state of blocks from the plan: the table of shapes, the blocks.
 
-use super::motion_of;
 use base::error::Error;
 use base::number::to_u32;
 use decomposition::Communicator;
-use dem::particles::{Body, Kind, Particles};
+use dem::particles::{Body, Kind, Motion, Particles};
 use dem::polyhedron::Polyhedron;
 use dem::space::Space;
 use plan::Plan;
@@ -54,7 +53,7 @@ pub fn blocks<S: Space>(
         if block.fixed {
             body.kind = Kind::Fixed;
         }
-        let motion = motion_of::<S>(
+        let motion = Motion::new(
             solid.position.into(),
             block.velocity,
             block.angular_velocity,
