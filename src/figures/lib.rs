@@ -7,3 +7,4 @@ pub mod ground_collapse;
 pub mod jet_erosion;
 pub mod picture;
 pub mod plot;
+mod svg;

@@ -17,6 +17,7 @@ mod section;
 mod streamlines;
 mod walls;
 
+use crate::svg::{Svg, text_element};
 use base::error::Error;
 use base::number::{real, whole};
 use base64::Engine as _;
@@ -33,7 +34,6 @@ use overlays::{Arrows, Network};
 use raster::{Frame, Raster, byte, dot};
 use section::Section;
 use std::collections::BTreeSet;
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
@@ -566,33 +566,23 @@ fn draw(scenes: &[Scene], field: &str, request: &PictureOptions) -> Result<Strin
     };
     let key = key(scenes, &scales, drops);
     let sheet = Sheet::new(&first.raster, panels.len(), scales.bars(), key.len());
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{0}\" height=\"{1}\" viewBox=\"0 0 {0} {1}\" \
-         font-family=\"sans-serif\" font-size=\"14\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n",
-        sheet.size[0], sheet.size[1]
-    );
+    let mut svg = Svg::file(sheet.size, "font-family=\"sans-serif\" font-size=\"14\"");
     for (k, panel) in panels.iter().enumerate() {
         panel.write(&mut svg, &sheet, sheet.corner(k))?;
     }
     let foot = sheet.foot;
     let length = round_length(real(sheet.panel[0]) * first.raster.pixel);
-    let _ = writeln!(
-        svg,
-        "<line x1=\"{GAP}\" y1=\"{foot}\" x2=\"{:.1}\" y2=\"{foot}\" stroke=\"black\" stroke-width=\"3\"/>\n\
-         <text x=\"{GAP}\" y=\"{}\">{length} m</text>",
-        real(GAP) + length / first.raster.pixel,
-        foot + 20
-    );
+    svg.put(format_args!(
+        "<line x1=\"{GAP}\" y1=\"{foot}\" x2=\"{:.1}\" y2=\"{foot}\" stroke=\"black\" stroke-width=\"3\"/>",
+        real(GAP) + length / first.raster.pixel
+    ));
+    svg.words([GAP, foot + 20], "", &format!("{length} m"));
     scales.write_bars(&mut svg, scenes, field, [sheet.bars, foot]);
     if !key.is_empty() {
         let y = sheet.size[1] - 8;
-        let _ = writeln!(
-            svg,
-            "<text x=\"{GAP}\" y=\"{y}\" font-size=\"11\">{key}</text>"
-        );
+        svg.words([GAP, y], " font-size=\"11\"", &key);
     }
-    svg.push_str("</svg>\n");
-    Ok(svg)
+    Ok(svg.end())
 }
 
 const GAP: usize = 24;
@@ -640,7 +630,7 @@ impl Scales {
     }
 
     /// Writes the colour bars one below the other; `field` is the field of the water.
-    fn write_bars(&self, svg: &mut String, scenes: &[Scene], field: &str, [x, mut y]: [usize; 2]) {
+    fn write_bars(&self, svg: &mut Svg, scenes: &[Scene], field: &str, [x, mut y]: [usize; 2]) {
         let named = |quantity: &str, of: &str| {
             if self.bars() > 1 {
                 format!("{quantity}, {of}")
@@ -779,24 +769,21 @@ impl Panel {
         }
     }
 
-    fn write(&self, svg: &mut String, sheet: &Sheet, [x, y]: [usize; 2]) -> Result<(), Error> {
+    fn write(&self, svg: &mut Svg, sheet: &Sheet, [x, y]: [usize; 2]) -> Result<(), Error> {
         let [width, height] = sheet.panel;
         let data = base64::engine::general_purpose::STANDARD.encode(self.raster.to_png()?);
-        let _ = writeln!(
-            svg,
-            "<text x=\"{x}\" y=\"{}\">t = {} s</text>\n\
-             <image x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" \
+        let time = format!("t = {} s", significant_digits(self.time, 4));
+        svg.words([x, y - 6], "", &time);
+        svg.put(format_args!(
+            "<image x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" \
              href=\"data:image/png;base64,{data}\"/>\n\
-             <rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" fill=\"none\" stroke=\"#444\"/>",
-            y - 6,
-            significant_digits(self.time, 4)
-        );
+             <rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" fill=\"none\" stroke=\"#444\"/>"
+        ));
         let lines = &self.lines;
         if !lines.is_empty() {
-            let _ = writeln!(
-                svg,
+            svg.put(format_args!(
                 "<svg x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\">\n{lines}</svg>"
-            );
+            ));
         }
         Ok(())
     }
@@ -845,7 +832,7 @@ fn key(scenes: &[Scene], scales: &Scales, drops: u16) -> String {
 
 /// Returns a colour bar with ticks at its ends and its middle.
 fn bar(
-    svg: &mut String,
+    svg: &mut Svg,
     [x, y]: [usize; 2],
     quantity: &str,
     units: &str,
@@ -856,12 +843,11 @@ fn bar(
     const STEP: usize = 4;
     for k in 0..STEPS {
         let [r, g, b] = colour(real(k) / real(STEPS - 1)).map(byte);
-        let _ = writeln!(
-            svg,
+        svg.put(format_args!(
             "<rect x=\"{}\" y=\"{}\" width=\"{STEP}\" height=\"10\" fill=\"#{r:02x}{g:02x}{b:02x}\"/>",
             x + k * STEP,
             y - 8
-        );
+        ));
     }
     let largest = scale[0].abs().max(scale[1].abs());
     for (place, anchor, value) in [
@@ -870,30 +856,19 @@ fn bar(
         (STEPS, "end", scale[1]),
     ] {
         let x = x + place * STEP;
-        let _ = writeln!(
-            svg,
-            "<line x1=\"{x}\" y1=\"{}\" x2=\"{x}\" y2=\"{}\" stroke=\"black\"/><text x=\"{x}\" y=\"{}\" \
-             font-size=\"11\" text-anchor=\"{anchor}\">{}</text>",
+        // Rounding errors are shown as zero.
+        let tiny = value.abs() < 1e-9 * largest;
+        let value = significant_digits(if tiny { 0.0 } else { value }, 3);
+        let more = format!(" font-size=\"11\" text-anchor=\"{anchor}\"");
+        svg.put(format_args!(
+            "<line x1=\"{x}\" y1=\"{}\" x2=\"{x}\" y2=\"{}\" stroke=\"black\"/>{}",
             y - 8,
             y + 5,
-            y + 16,
-            // Rounding errors are shown as zero.
-            significant_digits(
-                if value.abs() < 1e-9 * largest {
-                    0.0
-                } else {
-                    value
-                },
-                3
-            )
-        );
+            text_element([x, y + 16], &more, &value)
+        ));
     }
     let quantity = quantity.replace('_', " ");
-    let _ = writeln!(
-        svg,
-        "<text x=\"{x}\" y=\"{}\">{quantity} [{units}]</text>",
-        y + 32
-    );
+    svg.words([x, y + 32], "", &format!("{quantity} [{units}]"));
 }
 
 /// Returns a number with this many significant digits, without trailing zeros.

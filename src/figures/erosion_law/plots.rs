@@ -109,11 +109,7 @@ pub(super) fn rate(cohesion: &CohesionReport) -> Figure {
             .iter()
             .map(|&shear| (shear, fit.rate(shear)))
             .collect();
-        let label = format!(
-            "k_{{d}} = {} s/m, τ_{{c}} = {} Pa",
-            digits_in_figure(fit.coefficient),
-            digits_in_figure(fit.critical_shear)
-        );
+        let label = format!("k_{{d}} = {} s/m", digits_in_figure(fit.coefficient));
         layers.push(Layer::new(
             PlotShape::Line {
                 points: line,
@@ -122,6 +118,10 @@ pub(super) fn rate(cohesion: &CohesionReport) -> Figure {
             CATEGORY[1],
             &label,
         ));
+        // A second line of the legend.
+        let words = PlotShape::Texts { words: Vec::new() };
+        let label = format!("τ_{{c}} = {} Pa", digits_in_figure(fit.critical_shear));
+        layers.push(Layer::new(words, CATEGORY[1], &label));
         if fit.r_squared < 0.0 {
             title += ": a constant fits better than the line";
         } else if !fit.r_squared.is_nan() {

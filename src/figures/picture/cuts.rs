@@ -8,8 +8,8 @@ use super::STONE;
 use super::faces::Faces;
 use super::raster::{Frame, Raster};
 use super::section::{Line, Section};
+use crate::svg::{Svg, add_segment};
 use base::number::{real, whole};
-use std::fmt::Write as _;
 
 /// Colour of blocks.
 const BLOCK: [f64; 3] = [205.0, 198.0, 188.0];
@@ -59,7 +59,7 @@ impl Cuts {
 
     /// Returns the outlines as vector graphics.
     pub(super) fn draw(&self, frame: &Frame, raster: &Raster) -> String {
-        let mut text = String::new();
+        let mut svg = Svg::default();
         for (lines, width) in [
             (&self.blocks, 0.6),
             (&self.structures, 0.8),
@@ -67,21 +67,12 @@ impl Cuts {
         ] {
             let mut path = String::new();
             for line in lines {
-                let [from, to] = line.map(|[x, y]| raster.pixel_of(frame, [x, y, 0.0]));
-                let _ = write!(
-                    path,
-                    "M{:.1} {:.1}L{:.1} {:.1}",
-                    from[0], from[1], to[0], to[1]
-                );
+                let ends = line.map(|[x, y]| raster.pixel_of(frame, [x, y, 0.0]));
+                add_segment(&mut path, ends);
             }
-            if !path.is_empty() {
-                let _ = writeln!(
-                    text,
-                    "<path d=\"{path}\" fill=\"none\" stroke=\"#333\" stroke-width=\"{width}\"/>"
-                );
-            }
+            svg.line(&path, "#333", width, "");
         }
-        text
+        svg.elements()
     }
 }
 

@@ -7,18 +7,16 @@
 
 use super::faces::Faces;
 use super::{failed, significant_digits};
+use crate::svg::{self, Point, Svg, add_segment};
 use base::error::Error;
 use base::geometry::{Axis, Region};
 use base::number::{real, whole};
 use io::fields::read_column;
 use serde_json::Value;
-use std::fmt::Write as _;
 use std::path::Path;
 
 /// Maximum number of streamlines.
 const MAX_LINES: f64 = 60.0;
-/// Point of the plane or of the picture.
-type Point = [f64; 2];
 
 /// Both fields of a flow net at the centres of cells and at the ends of the grid.
 pub(super) struct FlowNet {
@@ -321,34 +319,34 @@ impl FlowNet {
         let wet = |corners: [usize; 4]| {
             self.free[corners[2]] && corners.into_iter().all(|k| self.counts(k))
         };
-        let path = |pieces: &[[Point; 2]]| {
+        let mut svg = Svg::default();
+        svg.put(format_args!("<g fill=\"none\" stroke-linecap=\"round\">"));
+        let mut line = |pieces: &[[Point; 2]], colour: &str, width: f64| {
             let mut path = String::new();
             for ends in pieces {
-                let [[a, b], [c, d]] = ends.map(&place);
-                let _ = write!(path, "M{a:.1} {b:.1}L{c:.1} {d:.1}");
+                add_segment(&mut path, ends.map(&place));
             }
-            path
-        };
-        let mut svg = String::from("<g fill=\"none\" stroke-linecap=\"round\">\n");
-        let mut line = |pieces: &[[Point; 2]], colour: &str, width: f64| {
-            if !pieces.is_empty() {
-                let _ = writeln!(
-                    svg,
-                    "<path d=\"{}\" stroke=\"{colour}\" stroke-width=\"{width}\"/>",
-                    path(pieces)
-                );
+            if !path.is_empty() {
+                svg.put(format_args!(
+                    "<path d=\"{path}\" stroke=\"{colour}\" stroke-width=\"{width}\"/>"
+                ));
             }
         };
         for level in &levels.streams {
             line(&self.contour(&self.stream, *level, &wet), "#1f4e79", 0.9);
         }
-        let mut labels = String::new();
+        let mut labels = Svg::default();
         for level in &levels.heads {
             let pieces = self.contour(&self.head, *level, &wet);
             line(&pieces, "#a11", 0.9);
             if let Some([at, _]) = pieces.get(pieces.len() / 2) {
                 let [x, y] = place(*at);
-                labels += &label([x + 2.0, y], &significant_digits(*level, 4), 10);
+                label(
+                    &mut labels,
+                    [x + 2.0, y],
+                    &significant_digits(*level, 4),
+                    10,
+                );
             }
         }
         if let Some(pressure) = &self.pressure {
@@ -357,18 +355,20 @@ impl FlowNet {
             };
             line(&self.contour(pressure, 0.0, &known), "#0a58ca", 2.0);
         }
-        svg += "</g>\n";
-        svg + &labels + &self.names(ground, structures, &place)
+        svg.put(format_args!("</g>"));
+        svg.add(&labels.elements());
+        self.names(&mut svg, ground, structures, &place);
+        svg.elements()
     }
 
-    /// Returns outlines and names of layers and names of structures as SVG.
+    /// Writes outlines and names of layers and names of structures.
     fn names(
         &self,
+        svg: &mut Svg,
         ground: &Ground,
         structures: Option<&Faces>,
         place: &impl Fn(Point) -> Point,
-    ) -> String {
-        let mut svg = String::new();
+    ) {
         let end = |a: usize| {
             let nodes = &self.nodes[a];
             [nodes[0], nodes[nodes.len() - 1]]
@@ -378,63 +378,50 @@ impl FlowNet {
             let low = [0, 1].map(|a: usize| from[a].max(ends[a][0]));
             let high = [0, 1].map(|a: usize| to[a].min(ends[a][1]));
             let ([x0, y1], [x1, y0]) = (place(low), place(high));
-            let _ = writeln!(
-                svg,
+            svg.put(format_args!(
                 "<rect x=\"{x0:.1}\" y=\"{y0:.1}\" width=\"{:.1}\" height=\"{:.1}\" fill=\"none\" stroke=\"#555\" \
                  stroke-dasharray=\"6 4\"/>",
                 x1 - x0,
                 y1 - y0
-            );
-            svg += &label([x0 + 6.0, y0 + 15.0], name, 12);
+            ));
+            label(svg, [x0 + 6.0, y0 + 15.0], name, 12);
         }
-        for (name, points) in &ground.polygons {
-            let corners: Vec<String> = (points.iter())
-                .map(|point| place(*point))
-                .map(|[x, y]| format!("{x:.1},{y:.1}"))
-                .collect();
-            let _ = writeln!(
-                svg,
+        for (name, corners) in &ground.polygons {
+            svg.put(format_args!(
                 "<polygon points=\"{}\" fill=\"none\" stroke=\"#555\" stroke-dasharray=\"6 4\"/>",
-                corners.join(" ")
-            );
-            let count = real(points.len().max(1));
-            let middle = [0, 1].map(|a: usize| points.iter().map(|p| p[a]).sum::<f64>() / count);
-            svg += &label(place(middle), name, 12);
+                svg::points(corners.iter().map(|point| place(*point)))
+            ));
+            let count = real(corners.len().max(1));
+            let middle = [0, 1].map(|a: usize| corners.iter().map(|p| p[a]).sum::<f64>() / count);
+            label(svg, place(middle), name, 12);
         }
-        let surface: Vec<String> = (ground.surface.iter())
-            .map(|[x, y]| {
+        if !ground.surface.is_empty() {
+            let inside = |[x, y]: &Point| {
                 place([
                     x.clamp(ends[0][0], ends[0][1]),
                     y.clamp(ends[1][0], ends[1][1]),
                 ])
-            })
-            .map(|[x, y]| format!("{x:.1},{y:.1}"))
-            .collect();
-        if !surface.is_empty() {
-            let _ = writeln!(
-                svg,
+            };
+            svg.put(format_args!(
                 "<polyline points=\"{}\" fill=\"none\" stroke=\"#6b4b2a\" stroke-width=\"1.5\"/>",
-                surface.join(" ")
-            );
+                svg::points(ground.surface.iter().map(inside))
+            ));
         }
         for (n, name) in ground.structures.iter().enumerate() {
             if let Some([x, y]) = structures.and_then(|faces| middle(faces, n)) {
-                svg += &label(place([x, y]), name, 12);
+                label(svg, place([x, y]), name, 12);
             }
         }
-        svg
     }
 }
 
-/// Returns a label with a white rim, readable on lines.
-fn label([x, y]: Point, words: &str, size: u32) -> String {
-    let words = words.replace('&', "&amp;").replace('<', "&lt;");
-    let place = format!("x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"{size}\"");
+/// Writes a label with a white rim, readable on lines.
+fn label(svg: &mut Svg, [x, y]: Point, words: &str, size: u32) {
     // The rim is a text of its own: converters do not know the attribute `paint-order`.
-    format!(
-        "<text {place} stroke=\"white\" stroke-width=\"3\">{words}</text>\n<text {place} \
-         fill=\"#222\">{words}</text>\n"
-    )
+    for paint in ["stroke=\"white\" stroke-width=\"3\"", "fill=\"#222\""] {
+        let place = [x, y].map(|at| format!("{at:.1}"));
+        svg.words(place, &format!(" font-size=\"{size}\" {paint}"), words);
+    }
 }
 
 /// Returns the index of the cell at a point of the extended grid; at the ends the index of the adjacent cell.

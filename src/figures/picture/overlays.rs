@@ -1,10 +1,10 @@
 //! Overlays of a picture: arrows of a vector of each grain, and the network of contacts.
 
 use super::{Frame, Raster, Section, failed};
+use crate::svg::{Svg, add_segment};
 use base::error::Error;
 use base::number::{real, whole};
 use io::fields::read_column;
-use std::fmt::Write as _;
 use std::path::Path;
 
 /// Length of the longest arrow divided by the width of a panel.
@@ -67,13 +67,15 @@ impl Arrows {
             // Head of the arrow: two strokes, a third of the arrow and at most five pixels long.
             let head = (size / 3.0).min(5.0) / size;
             let (tx, ty) = (x + dx, y + dy);
-            let _ = write!(path, "M{x:.1} {y:.1}L{tx:.1} {ty:.1}");
+            add_segment(&mut path, [[x, y], [tx, ty]]);
             for side in [-0.5, 0.5] {
-                let (bx, by) = (tx - head * (dx + side * dy), ty - head * (dy - side * dx));
-                let _ = write!(path, "M{tx:.1} {ty:.1}L{bx:.1} {by:.1}");
+                let back = [tx - head * (dx + side * dy), ty - head * (dy - side * dx)];
+                add_segment(&mut path, [[tx, ty], back]);
             }
         }
-        format!("<path d=\"{path}\" fill=\"none\" stroke=\"black\" stroke-width=\"0.8\"/>\n")
+        let mut svg = Svg::default();
+        svg.line(&path, "black", 0.8, "");
+        svg.elements()
     }
 }
 
@@ -137,22 +139,16 @@ impl Network {
                 continue;
             }
             let class = whole(force.abs() / largest * real(WIDTHS.len())).min(WIDTHS.len() - 1);
-            let ([x, y], [tx, ty]) = (raster.pixel_of(frame, *a), raster.pixel_of(frame, *b));
-            let path = &mut paths[usize::from(*force < 0.0)][class];
-            let _ = write!(path, "M{x:.1} {y:.1}L{tx:.1} {ty:.1}");
+            let ends = [*a, *b].map(|end| raster.pixel_of(frame, end));
+            add_segment(&mut paths[usize::from(*force < 0.0)][class], ends);
         }
-        let mut text = String::new();
+        let mut svg = Svg::default();
         for (paths, colour) in paths.iter().zip(["black", "#d62728"]) {
             for (path, width) in paths.iter().zip(WIDTHS) {
-                if !path.is_empty() {
-                    let _ = writeln!(
-                        text,
-                        "<path d=\"{path}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width}\"/>"
-                    );
-                }
+                svg.line(path, colour, width, "");
             }
         }
-        text
+        svg.elements()
     }
 }
 

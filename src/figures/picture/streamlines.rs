@@ -4,8 +4,8 @@
 //! instead of distances).
 
 use super::Water;
+use crate::svg::{Svg, points};
 use base::number::{real, whole};
-use std::fmt::Write as _;
 
 /// Number of squares along the longer edge of the plane; each square contains one line at most.
 const SQUARES: f64 = 36.0;
@@ -134,28 +134,27 @@ pub(super) fn lines(water: &Water) -> Vec<Vec<[f64; 2]>> {
 
 /// Returns the lines as SVG, with an arrow in the middle of each. `place` maps cells to the picture.
 pub(super) fn draw(water: &Water, place: impl Fn([f64; 2]) -> [f64; 2]) -> String {
-    let mut svg = String::from("<g fill=\"none\" stroke=\"#222\" stroke-width=\"0.8\">\n");
+    let mut svg = Svg::default();
+    svg.put(format_args!(
+        "<g fill=\"none\" stroke=\"#222\" stroke-width=\"0.8\">"
+    ));
     for line in lines(water) {
-        svg.push_str("<polyline points=\"");
         // One point per cell has the resolution of the field.
-        for point in line.iter().step_by(2).chain(line.last()) {
-            let [x, y] = place(*point);
-            let _ = write!(svg, "{x:.1},{y:.1} ");
-        }
-        svg.push_str("\"/>\n");
+        let shown = line.iter().step_by(2).chain(line.last());
+        let points = points(shown.map(|point| place(*point)));
+        svg.put(format_args!("<polyline points=\"{points}\"/>"));
         let middle = line.len() / 2;
         if let (Some(&a), Some(&b)) = (line.get(middle.saturating_sub(1)), line.get(middle)) {
             let ([x0, y0], [x, y]) = (place(a), place(b));
             let turn = (y - y0).atan2(x - x0).to_degrees();
-            let _ = writeln!(
-                svg,
+            svg.put(format_args!(
                 "<path d=\"M-4,-2.5 L2,0 L-4,2.5 z\" fill=\"#222\" stroke=\"none\" transform=\"translate({x:.1},\
                  {y:.1}) rotate({turn:.0})\"/>"
-            );
+            ));
         }
     }
-    svg.push_str("</g>\n");
-    svg
+    svg.put(format_args!("</g>"));
+    svg.elements()
 }
 
 #[cfg(test)]
