@@ -391,11 +391,6 @@ impl<S: Space> Dem<S> {
         self.engine.settings()
     }
 
-    /// Sets gravity [m/s²].
-    pub fn set_gravity(&mut self, gravity: S::Vector) {
-        self.engine.settings_mut().gravity = gravity;
-    }
-
     /// Sets the non-viscous damping, 0 (none) to below 1; other values are clamped.
     pub fn set_local_damping(&mut self, damping: f64) {
         let damping = damping.clamp(0.0, 1.0 - f64::EPSILON);
@@ -429,13 +424,6 @@ impl<S: Space> Dem<S> {
     pub fn set_servo_stress(&mut self, place: usize, stress: f64) {
         if let Some(servo) = self.engine.servos_mut().get_mut(place) {
             servo.stress = stress;
-        }
-    }
-
-    /// Sets the velocity of a wall [m/s].
-    pub fn set_wall_velocity(&mut self, wall: usize, velocity: S::Vector) {
-        if let Some(wall) = self.engine.walls_mut().get_mut(wall) {
-            wall.velocity = velocity;
         }
     }
 }

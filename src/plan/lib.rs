@@ -252,19 +252,6 @@ impl Plan {
         self.estimate.on_cores(&self.scene, ranks, threads, crowded);
     }
 
-    /// Plans a case that is already in memory.
-    ///
-    /// # Errors
-    /// If the case has errors; all findings are returned, warnings included.
-    pub fn of_case(case: &Case) -> Result<Self, Vec<Problem>> {
-        Self::prepare(Document {
-            case: case.clone(),
-            problems: Vec::new(),
-            sources: BTreeMap::new(),
-            canonical: canonical(case),
-        })
-    }
-
     fn try_plan(
         case: &Case,
         like: Option<&Self>,
@@ -304,23 +291,6 @@ impl Plan {
         findings.drop_consequences();
         (plan, findings.problems)
     }
-}
-
-/// Returns a case as compact JSON, without the fields that are none.
-fn canonical(case: &Case) -> String {
-    fn without_null(value: &mut serde_json::Value) {
-        match value {
-            serde_json::Value::Object(map) => {
-                map.retain(|_, child| !child.is_null());
-                map.values_mut().for_each(without_null);
-            }
-            serde_json::Value::Array(list) => list.iter_mut().for_each(without_null),
-            _ => {}
-        }
-    }
-    let mut tree = serde_json::to_value(case).unwrap_or_default();
-    without_null(&mut tree);
-    tree.to_string()
 }
 
 /// Returns the hash of the text of a case without its pilot; none if the text is not JSON.
