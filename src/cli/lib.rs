@@ -18,7 +18,7 @@ mod usage;
 use base::error::{ALLOW_UNSTABLE, Error, Problem, Severity, Verdict, printable_lines};
 use base::provenance;
 use case::{Document, examples, schema};
-use clap::{Args, CommandFactory, Parser, Subcommand};
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use figures::erosion_law::Published;
 use figures::jet_erosion::JetApparatus;
 use figures::picture::PictureOptions;
@@ -142,7 +142,7 @@ enum Command {
         #[arg(long, value_name = "DIR", default_value = ".")]
         output: PathBuf,
         /// Published result to mark in the figures: C/d [N/m], critical shear stress [Pa], erosion coefficient [s/m].
-        #[arg(long, value_name = "C,TAU,K")]
+        #[arg(long, value_name = "C,TAU,K", allow_hyphen_values = true)]
         published: Option<Published>,
         /// Print the fit as JSON.
         #[arg(long)]
@@ -195,23 +195,27 @@ struct StartArgs {
 #[derive(Debug, Args)]
 struct JetArgs {
     /// Diameter of the nozzle of a jet erosion test [m].
-    #[arg(long, value_name = "M", value_parser = positive, requires = "head", conflicts_with = "published")]
+    #[arg(long, value_name = "M", value_parser = |text: &str| within(text, 1e-5, 10.0), requires = "head",
+        conflicts_with = "published")]
     nozzle: Option<f64>,
     /// Head above the nozzle [m].
-    #[arg(long, value_name = "M", value_parser = positive, requires = "nozzle")]
+    #[arg(long, value_name = "M", value_parser = |text: &str| within(text, 1e-4, 1e4), requires = "nozzle")]
     head: Option<f64>,
     /// Density of the water [kg/m3].
-    #[arg(long, value_name = "KG/M3", value_parser = positive, requires = "nozzle", default_value_t = 1000.0)]
+    #[arg(long, value_name = "KG/M3", value_parser = |text: &str| within(text, 100.0, 1e4), requires = "nozzle",
+        default_value_t = 1000.0)]
     water_density: f64,
     /// Coefficient of friction C_f of the jet on the soil [1].
-    #[arg(long, value_parser = positive, requires = "nozzle", default_value_t = JetApparatus::FRICTION)]
+    #[arg(long, value_parser = |text: &str| within(text, 1e-6, 1.0), requires = "nozzle",
+        default_value_t = JetApparatus::FRICTION)]
     jet_friction: f64,
     /// Length of the core of the jet over the diameter of the nozzle [1].
-    #[arg(long, value_parser = positive, requires = "nozzle", default_value_t = JetApparatus::CORE)]
+    #[arg(long, value_parser = |text: &str| within(text, 0.1, 100.0), requires = "nozzle",
+        default_value_t = JetApparatus::CORE)]
     jet_core: f64,
     /// Bulk density of the dry soil [kg/m3]. With it the coefficient is also given in s/m, the unit of hole erosion
     /// tests.
-    #[arg(long, value_name = "KG/M3", value_parser = positive, requires = "nozzle")]
+    #[arg(long, value_name = "KG/M3", value_parser = |text: &str| within(text, 10.0, 1e5), requires = "nozzle")]
     bulk_density: Option<f64>,
 }
 
@@ -372,7 +376,8 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> i32 {
         Ok(arguments) => arguments,
         Err(error) => return ended(Err(error)),
     };
-    let cli = match Cli::try_parse_from(arguments) {
+    let matches = with_negative_numbers(Cli::command()).try_get_matches_from(arguments);
+    let cli = match matches.and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,
         Err(error) => {
             if first_rank() {
@@ -390,6 +395,18 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> i32 {
         return ended(Err(error));
     }
     ended(run_command(cli.command, begun))
+}
+
+/// Lets the options of a command and of its subcommands take negative numbers, so that the check of an option names
+/// it instead of an unknown argument.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    let number = |option: clap::Arg| {
+        let takes = option.get_long().is_some() && option.get_action().takes_values();
+        option.allow_negative_numbers(takes)
+    };
+    command
+        .mut_args(number)
+        .mut_subcommands(with_negative_numbers)
 }
 
 fn run_command(command: Command, begun: Instant) -> Result<(), Error> {
@@ -583,11 +600,11 @@ fn fraction(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Returns a finite number above 0.
-fn positive(text: &str) -> Result<f64, String> {
+/// Parses a number of a range that includes its ends.
+fn within(text: &str, low: f64, high: f64) -> Result<f64, String> {
     match text.parse() {
-        Ok(number) if number > 0.0 && f64::is_finite(number) => Ok(number),
-        _ => Err("a number above 0".into()),
+        Ok(number) if (low..=high).contains(&number) => Ok(number),
+        _ => Err(format!("use a number from {low} to {high}")),
     }
 }
 

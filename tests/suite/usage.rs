@@ -180,8 +180,35 @@ fn the_law_of_a_jet_comes_from_its_record() {
     let (code, errors) = refused(&["erosion-law", table, "--nozzle", "0.00635"]);
     assert_eq!(code, Some(2), "{errors}");
     assert!(errors.contains("--head"), "{errors}");
-    let (code, errors) = refused(&["erosion-law", table, "--nozzle", "0", "--head", "1"]);
+    let jet = ["erosion-law", table, "--nozzle", "0.00635", "--head", "1"];
+    for (option, value) in [
+        ("--nozzle", "0"),
+        ("--nozzle", "-1"),
+        ("--nozzle", "1e300"),
+        ("--head", "-0.6"),
+        ("--head", "inf"),
+        ("--water-density", "-1000"),
+        ("--water-density", "1"),
+        ("--jet-friction", "NaN"),
+        ("--jet-friction", "6"),
+        ("--jet-core", "-6.3"),
+        ("--bulk-density", "1.6"),
+        ("--published", "-1,2,3"),
+    ] {
+        let mut arguments: Vec<&str> = jet.into();
+        match arguments.iter().position(|word| *word == option) {
+            Some(at) => arguments[at + 1] = value,
+            None => arguments.extend([option, value]),
+        }
+        let (code, errors) = refused(&arguments);
+        assert_eq!(code, Some(2), "{errors}");
+        let named = format!("invalid value '{value}' for '{option}");
+        assert!(errors.contains(&named), "{errors}");
+    }
+    // A number of any command is named with its option.
+    let (code, errors) = refused(&["run", "case.json", "--threads", "-1"]);
     assert_eq!(code, Some(2), "{errors}");
+    assert!(errors.contains("'-1' for '--threads"), "{errors}");
     let jet = ["--nozzle", "0.00635", "--head", "0.6", "--output", output];
     let words = written(&[["erosion-law", table].as_slice(), &jet].concat());
     assert!(words.contains("k_d of the law: 1.00 cm3/(N s)"), "{words}");
