@@ -57,7 +57,7 @@ use case::time::{Limits, SolidSteps, USUAL_SAFETY, WarmUp};
 use case::{Case, Document};
 use estimate::Estimate;
 use interval::Interval;
-use margin::Margin;
+use margin::{Margin, slower_clock};
 use models::Choice;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -325,18 +325,13 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
     let (time_step, solid_steps) = if let Some(like) = like {
         (like.time_step, like.solid_steps_per_step)
     } else if let Some(flow) = &scene.flow {
-        let steps = solid_steps_in_flow(scene, flow, allowed, automatic, findings)?;
         let moved = scene.joints.as_ref();
-        if moved.is_some_and(|joints| joints.movers > 0) && steps > 1 {
-            findings.error(
-                "fluid.lattice_boltzmann.joints",
-                format!(
-                    "blocks that move with the water of joints make exactly one solid step in each lattice step, \
-                     but stability requires {steps}"
-                ),
-                "use a shorter lattice time step, or softer contacts",
-            );
-        }
+        let steps = if moved.is_some_and(|joints| joints.movers > 0) {
+            one_solid_step(scene, flow, automatic, findings);
+            1
+        } else {
+            solid_steps_in_flow(scene, flow, allowed, automatic, findings)?
+        };
         (flow.time_step, steps)
     } else if let Some(joints) = &scene.joints {
         let step = joints.written.time_step;
@@ -428,6 +423,38 @@ fn check_end(
         ),
         remedy,
     );
+}
+
+/// Refuses a step of the lattice that is too long for blocks which move with the water of joints, and several solid
+/// steps in it: such blocks make exactly one.
+fn one_solid_step(scene: &Scene, flow: &Flow, longest: Option<f64>, findings: &mut Findings) {
+    let rule = "blocks that move with the water of joints make exactly one solid step in each lattice step";
+    if let Some(longest) = longest.filter(|longest| flow.time_step > *longest) {
+        let step = at_most(longest);
+        let text = format!(
+            "use a lattice time step of at most {} s, or softer contacts",
+            number(step)
+        );
+        findings.error(
+            "fluid.lattice_boltzmann.joints",
+            format!(
+                "{rule}, but that of {} s is above the longest stable step of their contacts, {} s",
+                number(flow.time_step),
+                number(longest)
+            ),
+            slower_clock(flow, scene.grid.spacing, step / flow.time_step, text),
+        );
+    }
+    let path = "time.solid_steps_per_fluid_step";
+    if let SolidSteps::Number(stated) = scene.time.solid_steps_per_fluid_step
+        && stated != 1
+    {
+        findings.error(
+            path,
+            format!("{rule}, and {stated} are stated"),
+            Remedy::from("use 1").set(path, 1),
+        );
+    }
 }
 
 /// Returns the solid steps in a step of the fluid; none if there would be too many.

@@ -419,6 +419,32 @@ fn wrong_joints_under_a_lattice_are_refused_with_one_finding_each() {
         assert_eq!(problem.severity, severity);
     }
     assert!(problems(&held(2)).is_empty());
+    // Contacts that are too stiff for one solid step in a step of the lattice: the proposed step is accepted.
+    let mut stiff = flush();
+    let proposal = |case: &Value, path: &str| {
+        let found = problems(case);
+        assert_eq!(found.len(), 1, "{found:#?}");
+        assert_eq!(
+            (&*found[0].path, found[0].severity),
+            (path, Severity::Error)
+        );
+        let proposal = found[0].remedy.proposal();
+        assert_eq!(proposal.len(), 1, "{found:#?}");
+        let set = format!("{}={}", proposal[0].path, proposal[0].value);
+        let read = Document::read(&case.to_string(), &[set], Path::new("."));
+        let accepted = read.and_then(Plan::prepare);
+        assert!(accepted.is_ok(), "{accepted:#?}");
+        proposal[0].clone()
+    };
+    stiff["fluid"]["lattice_boltzmann"]["kinematic_viscosity"] = json!(0.02);
+    stiff["contact"]["blocks"]["normal_stiffness"] = json!({"per_area": 3e9});
+    let step = proposal(&stiff, "fluid.lattice_boltzmann.joints");
+    assert_eq!(step.path, "fluid.lattice_boltzmann.time_step");
+    assert!(step.value.as_f64().unwrap() < 2e-4);
+    let mut several = flush();
+    several["time"]["solid_steps_per_fluid_step"] = json!(4);
+    let path = "time.solid_steps_per_fluid_step";
+    assert_eq!(proposal(&several, path).value, json!(1));
     // Relaxation times of 0.53 and 0.5294.
     for (viscosity, number) in [(5e-3, 0), (4.9e-3, 1)] {
         let mut case = held(2);

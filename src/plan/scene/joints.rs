@@ -18,7 +18,7 @@ use joints::flow::{FlowSettings, JointFlow};
 use joints::history::PressureHistory;
 use joints::motion::Mover;
 use joints::network::{Network, NetworkSettings, UnderLattice};
-use joints::pairs::PairLimits;
+use joints::pairs::{Joint, PairLimits};
 use joints::water::Mixture;
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
@@ -31,6 +31,8 @@ const LATTICE_JOINTS_PATH: &str = "fluid.lattice_boltzmann.joints";
 const STEPS_PATH: &str = "fluid.lattice_boltzmann.joints.lattice_steps";
 /// Maximum number of cells: every rank stores and solves all of them.
 const MAX_CELLS: f64 = 2e5;
+/// Number of cells across a film from which on its force is at most an eighth too large.
+const FEWEST_CELLS_OF_FILM: f64 = 4.0;
 
 /// Water in joints.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -233,6 +235,63 @@ impl JointScene {
         }
     }
 
+    /// Warns of joints that their cells do not resolve: a film of n cells that a moving block squeezes, and any joint
+    /// of one cell.
+    ///
+    /// Between parallel edges at a distance L the flux of the film grows linearly from the middle, and the two-point
+    /// fluxes of n cells give 1 + 2/n² of its force, μ V L³/h³ per length (Stefan 1874, Reynolds 1886). The joint of
+    /// moving blocks whose film is the strongest counts, with its shorter side.
+    fn warn_of_few_cells(
+        &self,
+        path: &str,
+        (blocks, grid): (&PlacedBlocks, &Grid),
+        network: &Network,
+        findings: &mut Findings,
+    ) {
+        let cell = self.written.joints.cell;
+        let path = format!("{path}.cell");
+        let moves = |joint: &&Joint| {
+            let mut rocks = joint.faces.iter().map(|face| face.rock);
+            rocks.any(|rock| !blocks.list[rock].fixed)
+        };
+        let films = network.joints.iter().filter(moves).map(|joint| {
+            let [low, high] = joint.overlap.bounds();
+            let (short, long) = ((high - low).amin(), (high - low).amax());
+            (short.powi(3) * long, short)
+        });
+        let film = films.max_by(|a, b| a.0.total_cmp(&b.0));
+        let (length, fewest) = match film {
+            Some((_, short)) => (short, FEWEST_CELLS_OF_FILM),
+            None => (self.longest, 2.0),
+        };
+        let cells = (length / cell - 1e-9).ceil().max(1.0);
+        // Cells of wide joints may not be shorter than those of the lattice.
+        let bound = if self.under_lattice && self.apertures[1] > WIDE * grid.spacing {
+            grid.spacing
+        } else {
+            0.0
+        };
+        let fine = at_most(length / FEWEST_CELLS_OF_FILM);
+        if cells >= fewest || fine < bound || findings.concerns(&path) {
+            return;
+        }
+        let (length, cell) = (number(length), number(cell));
+        let reason = if film.is_some() {
+            format!(
+                "the strongest film between moving blocks is {length} m wide and has {cells} cell(s) across, of at \
+                 most {cell} m: such a film exerts about {} times its force where it closes",
+                number(1.0 + 2.0 / (cells * cells))
+            )
+        } else {
+            format!(
+                "the longest joint has {length} m, and a cell may have {cell} m: every joint is a single cell with one \
+                 pressure"
+            )
+        };
+        let remedy = Remedy::from(format!("use at most {} m", number(fine)));
+        findings.warn(&path, reason, remedy.set(&*path, fine));
+    }
+
     /// Builds the network, counts its parts and checks its mouths.
     fn measure(
         &mut self,
@@ -277,6 +336,7 @@ impl JointScene {
         if self.under_lattice {
             self.check_cells(grid, findings);
         }
+        self.warn_of_few_cells(path, (blocks, grid), &network, findings);
         let moves = |joint: usize| {
             let rocks = network.joints[joint].faces.map(|face| face.rock);
             rocks.iter().any(|rock| !blocks.list[*rock].fixed)
