@@ -8,7 +8,8 @@
 //!
 //! Each quantity has several measures: both planes of the axis measure the axial stress, each lateral wall or component
 //! the lateral one. An answer is their mean and its interval their range. The walls of a sample in equilibrium measure
-//! the same, so that the interval shows the deviation from equilibrium. A peak is the largest value of the mean.
+//! the same, so that the interval shows the deviation from equilibrium. A peak is the largest value of the mean; if it
+//! is the last one, the sample may not have reached its peak.
 
 use base::number::real;
 
@@ -40,6 +41,8 @@ pub struct TestResult {
     pub interval: [f64; 2],
     /// Time \[s\].
     pub time: f64,
+    /// `true` for a peak that is the last of several samples.
+    pub peak_at_end: bool,
 }
 
 impl TestResult {
@@ -55,6 +58,7 @@ impl TestResult {
                 all.iter().copied().fold(f64::NEG_INFINITY, f64::max),
             ],
             time,
+            peak_at_end: false,
         })
     }
 
@@ -63,7 +67,7 @@ impl TestResult {
         Self {
             value: of(self.value),
             interval: self.interval.map(of),
-            time: self.time,
+            ..self
         }
     }
 }
@@ -84,7 +88,17 @@ impl TestRecord {
     fn peak(&self, measures: &[Vec<f64>], of: impl Fn(f64) -> f64) -> Option<TestResult> {
         let samples = 0..self.time.len();
         let answers = samples.filter_map(|sample| self.at_sample(measures, sample, &of));
-        answers.max_by(|a, b| a.value.total_cmp(&b.value))
+        let answers: Vec<TestResult> = answers.collect();
+        let largest = answers
+            .iter()
+            .max_by(|a, b| a.value.total_cmp(&b.value))
+            .copied()?;
+        let (first, last) = (answers.first()?, answers.last()?);
+        let rises = first.value < largest.value;
+        Some(TestResult {
+            peak_at_end: rises && last.value >= largest.value,
+            ..largest
+        })
     }
 
     /// Returns the last sample.
@@ -184,10 +198,18 @@ mod tests {
         // asin(1/2).
         let angle = record.peak_friction_angle().unwrap();
         assert_relative_eq!(angle.value, 30.0, max_relative = 1e-14);
+        assert!(!strength.peak_at_end && !angle.peak_at_end);
         assert_eq!(record.lateral_stress_ratio().unwrap().value, 0.5);
         // A sample without a load has no ratio.
         let shear = record.peak_shear_ratio().unwrap();
         assert_eq!((shear.value, shear.time), (0.3, 3.0));
+        // It still rises at the end; a value that does not change has reached its peak, and a value at the end is none.
+        assert!(shear.peak_at_end && !strain.peak_at_end);
+        let constant = TestRecord {
+            axial: vec![vec![10.0; 3]],
+            ..record
+        };
+        assert!(!constant.strength().unwrap().peak_at_end);
         assert!(TestRecord::default().strength().is_none());
     }
 }

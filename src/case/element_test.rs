@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 /// Test of a sample between two opposite planes, as in a laboratory: oedometer, triaxial and biaxial test, unconfined
 /// compression, shear. The results follow from the records of probes, all with the same `every`; `summary.json` and the
-/// table at the end contain each result with its interval.
+/// table at the end contain each result with its interval, and name a peak that is the last reading (`peak_at_end`).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ElementTest {

@@ -46,6 +46,9 @@ impl TestResults {
                 "time": answer.map(|answer| answer.time),
                 "unit": unit,
             });
+            if let Some(answer) = answer.filter(|answer| answer.peak_at_end) {
+                entry["peak_at_end"] = answer.peak_at_end.into();
+            }
             if let Some(known) = asked.known {
                 entry["known"] = known.into();
                 entry["source"] = json!(asked.source);
@@ -77,8 +80,12 @@ impl TestResults {
                 let percent = 100.0 * (answer.value / known - 1.0);
                 format!("{percent:.3} %")
             });
+            let note = match answer {
+                Some(answer) if answer.peak_at_end => " (last reading)",
+                _ => "",
+            };
             lines.push(format!(
-                "{:<24} {:>13} {:>13} {:>13} {:>13} {:>11} {}",
+                "{:<24} {:>13} {:>13} {:>13} {:>13} {:>11} {}{note}",
                 name.replace('_', " "),
                 text(answer.map(|a| a.value)),
                 text(answer.map(|a| a.interval[0])),
@@ -89,6 +96,22 @@ impl TestResults {
             ));
         }
         lines
+    }
+
+    /// Returns a warning about the peaks that are the last reading.
+    pub(super) fn warnings(&self) -> Option<String> {
+        let at_end = |answer: &Option<TestResult>| answer.is_some_and(|answer| answer.peak_at_end);
+        let names = self.0.iter().filter(|(_, answer)| at_end(answer));
+        let names: Vec<&str> = names
+            .map(|(asked, _)| asked.quantity.name_and_unit().0)
+            .collect();
+        (!names.is_empty()).then(|| {
+            format!(
+                "element test: the largest value of {} is the last reading, so that the peak may not be reached yet; \
+                 let the test go on until the value falls",
+                names.join(", ")
+            )
+        })
     }
 }
 
@@ -202,4 +225,41 @@ fn record(plan: &Plan, test: &ElementTest, folder: &Path) -> Result<TestRecord, 
 /// Returns the quotients of two series, value by value.
 fn quotients(above: &[f64], below: &[f64]) -> Vec<f64> {
     above.iter().zip(below).map(|(a, b)| a / b).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Checks that a peak at the last reading is named in the answers, in the lines and as a warning.
+    #[test]
+    fn a_peak_that_is_the_last_reading_is_named() {
+        let results = |stresses: [f64; 3]| {
+            let record = TestRecord {
+                time: vec![1.0, 2.0, 3.0],
+                height: 0.1,
+                shortening: vec![0.0, 0.01, 0.02],
+                axial: vec![stresses.to_vec()],
+                ..TestRecord::default()
+            };
+            let asked = TestAnswer {
+                quantity: TestQuantity::Strength,
+                known: None,
+                source: None,
+            };
+            TestResults(vec![(
+                asked,
+                compute_answer(&record, TestQuantity::Strength),
+            )])
+        };
+        let rising = results([10.0, 20.0, 30.0]);
+        assert_eq!(rising.summary()["strength"]["peak_at_end"], true);
+        let words = "the largest value of strength is the last reading";
+        assert!(rising.lines()[1].ends_with("(last reading)"));
+        assert!(rising.warnings().unwrap().contains(words));
+        let failed = results([10.0, 30.0, 20.0]);
+        assert_eq!(failed.summary()["strength"]["peak_at_end"], Value::Null);
+        assert!(!failed.lines()[1].contains("reading"));
+        assert_eq!(failed.warnings(), None);
+    }
 }
