@@ -217,12 +217,22 @@ impl Choices<'_> {
         if faces.is_empty() || free == 0 && scene.grains.is_none() && scene.blocks.is_none() {
             return;
         }
-        self.add(
-            "solids that leave",
-            format!("removed beyond {}", faces.join(", ")),
-            "the water has openings there, and no wall stops solids: those more than one length of the domain outside \
-             are removed, and `summary.json` counts them in `left_through_openings`",
-        );
+        let faces = faces.join(", ");
+        if scene.removes_leaving() {
+            self.add(
+                "solids that leave",
+                format!("removed beyond {faces}"),
+                "the water has openings there, and no wall stops solids: those more than one length of the domain \
+                 outside are removed, and `summary.json` counts them in `left_through_openings`",
+            );
+        } else {
+            self.add(
+                "blocks that leave",
+                format!("fly on beyond {faces}"),
+                "no wall stops blocks there: `summary.json` counts those more than one length of the domain outside \
+                 in `left_the_domain`",
+            );
+        }
     }
 
     /// Adds the grading of the grains, and the materials of layers and zones.

@@ -445,23 +445,30 @@ impl Scene {
         (self.bodies.len() + self.blocks.as_ref().map_or(0, |blocks| blocks.number)) as u64
     }
 
-    /// Returns `true` for the lower and the upper face of each axis through which free solids leave the domain for
-    /// good: the water has an opening there, and the face has no wall. Not with water in joints, whose network needs
-    /// all blocks.
+    /// Returns `true` for the lower and the upper face of each axis through which free solids leave the domain: the
+    /// water has an opening there, or there is no water but that in joints, and the face has no wall.
     #[must_use]
     pub fn exits(&self) -> [[bool; 2]; 3] {
         let mut exits = [[false; 2]; 3];
-        let Some(flow) = self.flow.as_ref().filter(|_| self.joints.is_none()) else {
+        if self.flow.is_none() && self.joints.is_none() {
             return exits;
-        };
+        }
         for face in Face::ALL {
-            let open = flow.faces[face.index()]
-                .iter()
-                .any(|patch| patch.condition.model().passes_water());
+            let open = self.flow.as_ref().is_none_or(|flow| {
+                let mut patches = flow.faces[face.index()].iter();
+                patches.any(|patch| patch.condition.model().passes_water())
+            });
             let closed = self.walls.iter().any(|wall| wall.face == Some(face));
             exits[face.axis()][usize::from(face.is_max())] = open && !closed;
         }
         exits
+    }
+
+    /// Returns `true` if free solids are removed when they have left the domain for good. The network of joints needs
+    /// all blocks: one that left flies on.
+    #[must_use]
+    pub fn removes_leaving(&self) -> bool {
+        self.joints.is_none()
     }
 
     /// Returns all polyhedra in the order of their ids, bodies before blocks.

@@ -1,9 +1,12 @@
-//! Free bodies and grains that leave the domain through an opening for good.
+//! Free bodies and grains that leave the domain for good.
 //!
 //! The water no longer acts on a solid that has left through an opening, and nothing brings it back except gravity.
 //! It is removed when it is more than one length of the domain outside, and more than its own radius. Faces with
 //! a wall have no exit ([`plan::scene::Scene::exits`]). Driven bodies stay, because a table may bring them back, and
 //! fixed ones do not move.
+//!
+//! A block that the water of joints throws out is counted in the same way, but flies on, because the network of the
+//! joints needs all blocks. Only its weight acts there.
 //!
 //! The state after a fluid step decides, every [`EVERY`] steps of the run, so that the result does not depend on ranks,
 //! list rebuilds or restarts. Named bodies and blocks are reported one by one, grains as sums for each face.
@@ -12,7 +15,7 @@ use super::removal::rows;
 use base::error::Error;
 use base::geometry::Face;
 use decomposition::Domain;
-use dem::particles::{Kind, Particles};
+use dem::particles::{Body, Kind, Motion, Particles};
 use dem::space::{Components, Space};
 use plan::Plan;
 use plan::scene::Scene;
@@ -53,7 +56,7 @@ struct DepartedGrains {
     momentum: [f64; 3],
 }
 
-/// Solids that left through openings so far: see the module. A checkpoint contains it.
+/// Solids that left so far: see the module. A checkpoint contains it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Departures {
     bodies: Vec<DepartedBody>,
@@ -115,9 +118,18 @@ fn exit_of(scene: &Scene, exits: &[[bool; 2]; 3], at: [f64; 3], radius: f64) -> 
     Some(2 * farthest + usize::from(at[farthest] > 0.0))
 }
 
+/// Returns the name of a body, or `block` and its number.
+fn name_of(scene: &Scene, id: u64) -> String {
+    let index = usize::try_from(id).unwrap_or(usize::MAX);
+    match scene.bodies.get(index) {
+        Some(body) => body.name.clone(),
+        None => format!("block {}", index - scene.bodies.len()),
+    }
+}
+
 impl Departures {
     /// Removes the free solids that have left for good, and returns their number on all ranks. If any did, the ghosts
-    /// were dropped: prepare them again. Collective.
+    /// were dropped: prepare them again. Blocks with water in their joints are counted and stay. Collective.
     ///
     /// # Errors
     /// If a message between ranks is corrupt.
@@ -149,26 +161,38 @@ impl Departures {
             free.then(|| exit_of(scene, &exits, at, body.radius))
                 .flatten()
         };
-        let mut faces = Vec::new();
-        let gone = particles.remove(|particles, k| {
-            let face = exit(particles, k);
-            faces.extend(face);
-            face.is_some()
-        });
+        let leaving = |face: usize, body: &Body, motion: &Motion<S>| Leaving {
+            face,
+            id: body.id,
+            mass: body.mass,
+            position: vector(&motion.position),
+            velocity: vector(&motion.velocity),
+        };
+        let gone: Vec<Leaving> = if scene.removes_leaving() {
+            let mut faces = Vec::new();
+            let gone = particles.remove(|particles, k| {
+                let face = exit(particles, k);
+                faces.extend(face);
+                face.is_some()
+            });
+            let gone = gone.iter().zip(faces);
+            gone.map(|((body, motion), face)| leaving(face, body, motion))
+                .collect()
+        } else {
+            let outside = (0..particles.owned()).filter_map(|k| {
+                let (body, motion) = (&particles.body[k], &particles.motion[k]);
+                let name = name_of(scene, body.id);
+                let known = self.bodies.iter().any(|one| one.name == name);
+                let face = exit(particles, k).filter(|_| !known)?;
+                Some(leaving(face, body, motion))
+            });
+            outside.collect()
+        };
         let communicator = domain.communicator();
         if communicator.all_reduce_max_u64(gone.len() as u64) == 0 {
             return Ok(0);
         }
-        let words = gone.iter().zip(faces).flat_map(|((body, motion), face)| {
-            let leaving = Leaving {
-                face,
-                id: body.id,
-                mass: body.mass,
-                position: vector(&motion.position),
-                velocity: vector(&motion.velocity),
-            };
-            leaving.words()
-        });
+        let words = gone.iter().flat_map(Leaving::words);
         let bytes: Vec<u8> = words.flat_map(u64::to_le_bytes).collect();
         let mut all = Vec::new();
         for bytes in communicator.all_gather_bytes(&bytes) {
@@ -181,20 +205,19 @@ impl Departures {
         for one in &all {
             self.note(scene, one, (step, time));
         }
-        Ok(all.len())
+        Ok(if scene.removes_leaving() {
+            all.len()
+        } else {
+            0
+        })
     }
 
     fn note(&mut self, scene: &Scene, one: &Leaving, (step, time): (u64, f64)) {
         let face = Face::ALL[one.face].name();
         let momentum = one.velocity.map(|speed| one.mass * speed);
         if one.id < scene.first_grain() {
-            let index = usize::try_from(one.id).unwrap_or(usize::MAX);
-            let name = match scene.bodies.get(index) {
-                Some(body) => body.name.clone(),
-                None => format!("block {}", index - scene.bodies.len()),
-            };
             self.bodies.push(DepartedBody {
-                name,
+                name: name_of(scene, one.id),
                 face: face.into(),
                 step,
                 time,
@@ -223,19 +246,31 @@ impl Departures {
         }
     }
 
-    /// Returns the solids that left, for `summary.json`; none if there are none.
-    pub(super) fn summary(&self) -> Option<Value> {
-        (!self.bodies.is_empty() || !self.grains.is_empty())
-            .then(|| json!({ "bodies": self.bodies, "grains": self.grains }))
+    /// Returns the solids that left, for `summary.json`, with the name of the entry; none if there are none.
+    pub(super) fn summary(&self, scene: &Scene) -> Option<(&'static str, Value)> {
+        if self.bodies.is_empty() && self.grains.is_empty() {
+            return None;
+        }
+        Some(if scene.removes_leaving() {
+            let left = json!({ "bodies": self.bodies, "grains": self.grains });
+            ("left_through_openings", left)
+        } else {
+            ("left_the_domain", json!(self.bodies))
+        })
     }
 
     /// Returns a warning for each body, and for the grains of each face.
-    pub(super) fn warnings(&self) -> Vec<String> {
+    pub(super) fn warnings(&self, scene: &Scene) -> Vec<String> {
         let bodies = self.bodies.iter().map(|body| {
+            let what = if scene.removes_leaving() {
+                format!("the body `{}` left through the opening of {} and was removed", body.name, body.face)
+            } else {
+                format!("the {} left through the face {} and was counted", body.name, body.face)
+            };
             format!(
-                "the body `{}` left through the opening of {} and was removed at t = {:.4e} s, more than one length of \
-                 the domain outside; \"box_walls\" with this face would keep it",
-                body.name, body.face, body.time
+                "{what} at t = {:.4e} s, more than one length of the domain outside; \"box_walls\" with this face \
+                 would keep it",
+                body.time
             )
         });
         let grains = self.grains.iter().map(|grains| {

@@ -479,3 +479,46 @@ fn a_block_leaves_its_socket_whatever_its_neighbours_stand_on() {
     assert!((wide.0 - narrow.0).abs() < 1e-3, "{wide:?} {narrow:?}");
     assert!(wide.2.abs() < 1e-9, "no water acts on it: {wide:?}");
 }
+
+/// Checks that a block which the water throws out over the open top is counted, and flies on under its weight alone, on
+/// any number of ranks.
+#[test]
+fn a_block_that_is_thrown_out_of_the_domain_flies_on() {
+    let _beside = beside_others();
+    let text = examples::find("plucked-block").unwrap().text;
+    let mut case: Value = serde_json::from_str(text).unwrap();
+    case["fluid"]["joints"]["mouths"][0]["pressure"]["table"] = json!([[0, 0], [0.02, 0], [0.04, 1e5]]);
+    case["time"]["end"] = json!(0.2);
+    let study = Study::new(&case.to_string());
+    study.run("one", 1, 1, &[]);
+    study.run("two", 2, 1, &[]);
+    study.same("one", "two");
+    let summary = study.summary("one");
+    let left = &summary["left_the_domain"];
+    assert_eq!(left.as_array().map(Vec::len), Some(1), "{summary:#}");
+    assert_eq!([&left[0]["name"], &left[0]["face"]], ["block 0", "z_max"]);
+    assert_eq!(study.summary("two")["left_the_domain"], *left);
+    let warnings = summary["warnings"].to_string();
+    assert!(
+        warnings.contains("the block 0 left through the face z_max"),
+        "{warnings}"
+    );
+    let rows = io::table::read(&study.path("one").join("probe_block.csv")).unwrap();
+    let last = |name: &str| {
+        let column = rows.column(name).unwrap();
+        [column[column.len() - 2], column[column.len() - 1]]
+    };
+    let (z, speed) = (last("z"), last("velocity_z"));
+    let time = last("time");
+    let step = time[1] - time[0];
+    assert!(
+        z[0] > 1.0 && left[0]["time"].as_f64().unwrap() < time[0],
+        "{z:?}"
+    );
+    assert!(
+        (speed[1] - speed[0] + 9.81 * step).abs() < 1e-9,
+        "{speed:?}"
+    );
+    let way = 0.5 * (speed[0] + speed[1]) * step;
+    assert!((z[1] - z[0] - way).abs() < 1e-9, "{z:?} {speed:?}");
+}

@@ -94,6 +94,8 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
             warnings.extend(piping.warnings());
             values["backward_erosion"] = piping.summary();
         }
+        let probes = self.read_probes();
+        warnings.extend(probes.answers.as_ref().and_then(TestResults::warnings));
         values["warnings"] = json!(warnings);
         let feeds = self
             .simulation
@@ -102,7 +104,6 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         if !feeds.is_empty() {
             values["feeds"] = json!(feeds);
         }
-        let probes = self.read_probes();
         values["settled"] = json!(probes.settled.values);
         values["not_known_to_have_settled"] = json!(probes.settled.unknown);
         if !probes.means.is_empty() {
@@ -234,7 +235,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
                 self.notes["settling"]["bonds_broken"],
             ));
         }
-        warnings.extend(self.simulation.departures.warnings());
+        warnings.extend(self.simulation.departures.warnings(&now.plan.scene));
         warnings.extend(self.feed_warnings());
         if let Some((step, lack)) = &self.unsaved {
             let newest = self.newest_checkpoint.map_or_else(
@@ -366,10 +367,17 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
             values["water"]["openings"] = rows.collect();
         }
         (lost.abs() > LOST_WATER * handled).then(|| {
-            format!(
-                "{:.1} % of the water is lost in drops of one cell and in enclosed air; finer cells lose less",
-                100.0 * lost / handled
-            )
+            let part = 100.0 * lost.abs() / handled;
+            if lost > 0.0 {
+                format!(
+                    "{part:.1} % of the water is lost in drops of one cell and in enclosed air; finer cells lose less"
+                )
+            } else {
+                format!(
+                    "{part:.1} % more water than entered fills enclosed air and the last cells below a lid; finer \
+                     cells gain less"
+                )
+            }
         })
     }
 
@@ -473,8 +481,8 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         if let Some(erosion) = self.simulation.recorder.summary(&now.plan)? {
             values["erosion"] = erosion;
         }
-        if let Some(left) = self.simulation.departures.summary() {
-            values["left_through_openings"] = left;
+        if let Some((entry, left)) = self.simulation.departures.summary(&now.plan.scene) {
+            values[entry] = left;
         }
         if let Some(crossings) = self.simulation.crossings.summary() {
             values["crossings"] = crossings;
