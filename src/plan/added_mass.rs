@@ -36,13 +36,16 @@
 
 use super::margin::{Margin, margin};
 use crate::scene::bodies::Mobility;
-use crate::scene::findings::{Findings, at_least, number};
+use crate::scene::findings::{Findings, at_least, at_most, number};
+use crate::scene::flow::{Flow, PATH};
 use crate::scene::packed::{in_a_bed, lie_packed};
 use crate::scene::{Scene, ScenePolyhedron};
 use base::error::Remedy;
 use case::coupling::{Coupling, SolidOperator};
 use dem::polyhedron::PlacedPolyhedron;
+use lbm::collision::Operator;
 use lbm::saturation::{DensityRatios, LightBody};
+use serde_json::json;
 use std::f64::consts::PI;
 
 /// Values of s R above which bodies with links are stable, by relaxation time: a table for discs and one for spheres.
@@ -198,6 +201,65 @@ fn meets_a_wall(scene: &Scene, coupling: &Coupling, ratio: f64, tau: f64) -> boo
     along.any(|a| !scene.grid.periodic[a])
 }
 
+/// Radius of floating bodies \[cells\] from which on all came to rest with operators of two rates or fewer.
+const RESTS: f64 = 4.0;
+/// Density ratio of bodies that are nearly as dense as the water, of which none was thrown about.
+const NEUTRAL: f64 = 0.97;
+/// Relaxation time above which no run of a floating body ended.
+const THROWN_TAU: f64 = 0.52;
+
+/// Returns the number of steps after which floating bodies of this relaxation time were thrown about.
+///
+/// With BGK or TRT, boxes of 2.8 cells in hydraulic radius and 0.7 to 0.95 times the density of water ended their
+/// runs after 2100 to 3200 steps at a relaxation time of 0.5015, 2800 at 0.503, 5100 at 0.506, 5900 at 0.51 and 9100 at
+/// 0.515, in basins from twice to four times their width; a disc of 3 cells did so at 0.5015. Boxes of 4.4 and 5.5
+/// cells and discs of 4, 5 and 7 cells came to rest, as did those of 2.8 cells with `mrt` and `cumulant`, at relaxation
+/// times down to 0.5003.
+fn steps_until_thrown(tau: f64) -> f64 {
+    1400.0 + 4e5 * (tau - 0.5)
+}
+
+/// Reports a small body that floats at a low relaxation time; returns `true` if there is one.
+fn check_floating(scene: &Scene, flow: &Flow, kind: &Kind, findings: &mut Findings) -> bool {
+    let (tau, ratio) = (
+        flow.relaxation_time,
+        scene.density(kind.material) / flow.density,
+    );
+    let few_rates = matches!(flow.collision, Operator::Bgk(_) | Operator::Trt(_));
+    let thrown = few_rates
+        && flow.turbulence.is_none()
+        && tau < THROWN_TAU
+        && kind.radius < RESTS
+        && ratio < NEUTRAL
+        && scene.time.end / flow.time_step > steps_until_thrown(tau);
+    if !thrown {
+        return false;
+    }
+    let finer = at_most(scene.grid.spacing * kind.radius / RESTS);
+    let (path, text) = (
+        format!("{PATH}.collision"),
+        format!("use a spacing of at most {} m", number(finer)),
+    );
+    let remedy = if scene.grid.dimension == 3 {
+        Remedy::from(format!("use the operator `mrt`, or {}", &text[4..]))
+            .set(&*path, json!({"mrt": {}}))
+    } else {
+        Remedy::from(text)
+    };
+    findings.unstable(
+        &path,
+        format!(
+            "a free body with a radius of {} cells floats in water at a relaxation time of {}: with BGK and TRT \
+             growing forces threw such bodies about after some {} steps",
+            number(kind.radius),
+            number(tau),
+            number(steps_until_thrown(tau))
+        ),
+        remedy,
+    );
+    true
+}
+
 /// A kind of body that moves by forces.
 struct Kind {
     material: usize,
@@ -269,7 +331,12 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
     let (Some(flow), Some(coupling)) = (&scene.flow, &scene.coupling) else {
         return;
     };
-    let judged = body_kinds(scene, coupling).into_iter().map(|kind| {
+    let kinds = body_kinds(scene, coupling);
+    if scene.surface.is_some() {
+        let mut alone = kinds.iter().filter(|kind| !kind.packed);
+        let _ = alone.any(|kind| check_floating(scene, flow, kind, findings));
+    }
+    let judged = kinds.into_iter().map(|kind| {
         let ratio = scene.density(kind.material) / flow.density;
         let operator = match coupling {
             Coupling::PartiallySaturated(written) => Some(flow.solid_operator(written)),
@@ -504,6 +571,41 @@ mod tests {
             assert!(!is_light(1500.0, 3.0, surface));
         }
         assert!(!is_light(1200.0, 5.0, false));
+    }
+
+    /// Checks boxes that floated in runs: 7 x 5 x 5 cells at a relaxation time of 0.5015 for 3500 steps, and others.
+    #[test]
+    fn a_small_body_that_floats_needs_an_operator_of_several_rates() {
+        let found = |sets: &[&str]| {
+            let case = json!({
+                "domain": {"size": [0.24, 0.2, 0.2], "spacing": 0.02}, "gravity": [0, 0, -9.81],
+                "materials": {"wood": {"density": 900}},
+                "fluid": {"lattice_boltzmann": {"density": 1000, "kinematic_viscosity": 1e-3, "time_step": 2e-4,
+                    "surface": {"water": [{"level": 0.15}]}, "boundaries": []}},
+                "bodies": [{"name": "b", "shape": {"cuboid": {"edges": [0.14, 0.1, 0.1]}},
+                    "position": [0.12, 0.1, 0.15], "motion": {"free": {}}, "material": "wood"}],
+                "contact": {"blocks": {"normal_stiffness": {"per_contact": 2e5}, "friction_angle_degrees": 20}},
+                "time": {"end": 0.7}
+            });
+            let sets: Vec<String> = sets.iter().map(|set| (*set).to_owned()).collect();
+            let document = Document::read(&case.to_string(), &sets, Path::new("")).unwrap();
+            let mut all = Plan::prepare(document).unwrap().warnings.into_iter();
+            all.find(|found| found.reason.contains("floats in water"))
+        };
+        let known = found(&[]).unwrap();
+        assert_eq!(known.severity, Severity::Unstable);
+        assert_eq!(known.remedy.proposal()[0].value, json!({"mrt": {}}));
+        assert!(found(&["fluid.lattice_boltzmann.collision={\"bgk\": {}}"]).is_some());
+        for held in [
+            "fluid.lattice_boltzmann.collision={\"mrt\": {}}",
+            "fluid.lattice_boltzmann.kinematic_viscosity=0.02",
+            "materials.wood.density=990",
+            "time.end=0.3",
+        ] {
+            assert!(found(&[held]).is_none(), "{held}");
+        }
+        let finer = ["domain.spacing=0.0125", "domain.size=[0.25, 0.2, 0.2]"];
+        assert!(found(&finer).is_none());
     }
 
     /// Checks bodies near the measured stability limits of the disc of five cells: s = 0.136 with links and 0.47
