@@ -13,6 +13,10 @@
 //! open height b, faster by the ratio of the section to the smaller opening; and so is the acceleration dP t/(ρ L). A
 //! channel with a patch of 9 cells in one face and an outlet of 58 cells reached 2.8 times sqrt(2 dP/ρ) before its run
 //! ended.
+//!
+//! Where gravity acts on the water, dP is that of the reduced pressures p - ρ g·x in the middle of the openings: with
+//! equal pressures the water falls from the higher one. A patch of 18 cells 23 cells above an outlet of 60 cells drew
+//! in a jet of 0.2 in lattice units where sqrt(2 g H) was 0.076.
 
 use super::{PressureDifference, Speed, SpeedCause, passage, pressure_difference};
 use crate::scene::Scene;
@@ -26,17 +30,23 @@ const SMALLER: f64 = 1.0 + 1e-9;
 
 /// Returns the speed in the openings with the larger pressure if together they are smaller than the others.
 pub(super) fn speed(scene: &Scene, flow: &Flow) -> Option<Speed> {
-    let PressureDifference { value, path, axis } = pressure_difference(flow)?;
+    let PressureDifference { path, axis, .. } = pressure_difference(flow)?;
     let grid = &scene.grid;
-    let largest = |patch: &ScenePatch| {
+    let reduced = |patch: &ScenePatch, end: usize| {
         let model = patch.condition.model();
-        let imposed = model.pressure().map(|pressure| pressure.range()[1]);
-        imposed.or(model.pressure_floats().then_some(0.0))
+        let imposed = model.pressure().map(|pressure| pressure.range()[end]);
+        let pressure = imposed.or(model.pressure_floats().then_some(0.0))?;
+        Some(pressure + potential(scene, flow, patch))
     };
-    let openings = || flow.patches().filter_map(|one| Some((one, largest(one)?)));
+    let openings = || {
+        flow.patches()
+            .filter_map(|one| Some((one, reduced(one, 1)?)))
+    };
     let highest = openings()
         .map(|(_, pressure)| pressure)
         .fold(f64::NEG_INFINITY, f64::max);
+    let lowest = flow.patches().filter_map(|one| reduced(one, 0));
+    let value = highest - lowest.fold(f64::INFINITY, f64::min);
     let enters = |pressure: f64| pressure > highest - 0.5 * value;
     let area = |entering: bool| -> f64 {
         let alike = openings().filter(|(_, pressure)| enters(*pressure) == entering);
@@ -75,22 +85,36 @@ pub(super) fn speed(scene: &Scene, flow: &Flow) -> Option<Speed> {
     })
 }
 
+/// Returns the smallest and largest coordinate of an opening along an axis \[m\].
+fn ends(scene: &Scene, patch: &ScenePatch, axis: usize) -> [f64; 2] {
+    let grid = &scene.grid;
+    if axis != patch.face.axis() {
+        return patch.ends[axis].map(|end| end * grid.spacing);
+    }
+    let at = if patch.face.is_max() {
+        grid.size[axis]
+    } else {
+        0.0
+    };
+    [at; 2]
+}
+
+/// Returns -ρ g·x in the middle of an opening \[Pa\], along the axes in which gravity acts on the water.
+fn potential(scene: &Scene, flow: &Flow, patch: &ScenePatch) -> f64 {
+    let acts = |a: &usize| flow.gravity_acts[*a] && scene.surface.is_none();
+    let along = (0..scene.grid.dimension).filter(acts);
+    let parts = along.map(|a| {
+        let [low, high] = ends(scene, patch, a);
+        -flow.density * scene.gravity[a] * 0.5 * (low + high)
+    });
+    parts.sum()
+}
+
 /// Returns the distance between two openings \[m\].
 fn distance(scene: &Scene, one: &ScenePatch, other: &ScenePatch) -> f64 {
     let grid = &scene.grid;
-    let ends = |patch: &ScenePatch, a: usize| {
-        if a != patch.face.axis() {
-            return patch.ends[a].map(|end| end * grid.spacing);
-        }
-        let at = if patch.face.is_max() {
-            grid.size[a]
-        } else {
-            0.0
-        };
-        [at; 2]
-    };
     let gap = |a: usize| {
-        let ([low, high], [from, to]) = (ends(one, a), ends(other, a));
+        let ([low, high], [from, to]) = (ends(scene, one, a), ends(scene, other, a));
         (from - high).max(low - to).max(0.0)
     };
     (0..grid.dimension).map(gap).fold(0.0, f64::hypot)
@@ -103,6 +127,31 @@ mod tests {
     use case::Document;
     use serde_json::{Value, json};
     use std::path::Path;
+
+    /// Checks water that falls from a patch of 18 cells at the side to an outlet of 60 cells below it, with pressures
+    /// of 0 at both: sqrt(2 g H) of the height H of the middle of the patch, times the ratio of the areas.
+    #[test]
+    fn water_falls_from_the_higher_opening() {
+        let speed_at = |acts: bool| {
+            let case = json!({
+                "domain": {"size": [0.03, 0.023], "spacing": 5e-4}, "gravity": [0, -0.09],
+                "fluid": {"lattice_boltzmann": {"density": 1000, "kinematic_viscosity": 1e-6, "relaxation_time": 0.51,
+                    "gravity_acts_on_fluid": acts, "boundaries": [
+                        {"name": "out", "face": "y_min", "condition": {"pressure": {"value": 0}}},
+                        {"name": "side", "face": "x_max", "condition": {"pressure": {"value": 0}},
+                         "patch": {"from": [0, 0.007], "to": [0.03, 0.016]}}]}},
+                "time": {"end": 100}
+            });
+            let document = Document::read(&case.to_string(), &[], Path::new("")).unwrap();
+            let scene = Plan::prepare(document).unwrap().scene;
+            let flow = scene.flow.as_ref().unwrap();
+            speed(&scene, flow).map(|speed| speed.value)
+        };
+        let falls = (2.0_f64 * 0.09 * 0.0115).sqrt() * 60.0 / 18.0;
+        let found = speed_at(true).unwrap();
+        assert!((found / falls - 1.0).abs() < 1e-9, "{found} {falls}");
+        assert_eq!(speed_at(false), None);
+    }
 
     /// Returns the estimate for a channel of 29 x 15 mm with a pressure in a patch of the left face and one in another
     /// face.
