@@ -84,7 +84,11 @@ fn check_lid(scene: &Scene, surface: &FreeSurface, findings: &mut Findings) {
             continue;
         }
         let path = format!("{PATH}.surface.water[{n}].level");
-        let below = if surface.rises { height - h } else { h };
+        let below = if surface.rises {
+            h * ((height / h).round() - 1.0)
+        } else {
+            h
+        };
         findings.warn(
             &path,
             format!(

@@ -487,7 +487,8 @@ fn a_block_that_is_thrown_out_of_the_domain_flies_on() {
     let _beside = beside_others();
     let text = examples::find("plucked-block").unwrap().text;
     let mut case: Value = serde_json::from_str(text).unwrap();
-    case["fluid"]["joints"]["mouths"][0]["pressure"]["table"] = json!([[0, 0], [0.02, 0], [0.04, 1e5]]);
+    case["fluid"]["joints"]["mouths"][0]["pressure"]["table"] =
+        json!([[0, 0], [0.02, 0], [0.04, 1e5]]);
     case["time"]["end"] = json!(0.2);
     let study = Study::new(&case.to_string());
     study.run("one", 1, 1, &[]);
