@@ -32,20 +32,21 @@ def head(name, top, side=False):
     return {"name": name, "face": "x_min" if side else "y_max", "condition": {"head": {"value": top}}}
 
 
-def plane(kind, length, thickness, cells, d70, permeability, diameter):
-    """Returns the changes of the case for a section.
+def plane(kind, length, thickness, cells, d70, permeability, diameter, heel=False, opening=None):
+    """Returns the changes of the case for a section; with `heel` water enters through a filter over the depth at the heel, `opening` is the width of the exit in cells.
 
     box: water enters through a filter over the depth and leaves through a sand surface of a quarter of the length.
     basin: sand surfaces on both sides, as long as the dike. dike: the same upstream, and a ditch of a cell behind the toe, below a cover.
     """
     edge = length / cells
     layers = max(round(thickness / edge), 1)
-    before = 0 if kind == "box" else length
+    side = heel or kind == "box"
+    before = 0 if side else length
     behind = {"box": math.ceil(cells / 4) * edge, "basin": length, "dike": length}[kind]
-    exit_width = edge if kind == "dike" else behind
+    exit_width = opening * edge if opening else edge if kind == "dike" else behind
     top = layers * edge
-    inlet = head("drive", top + 0.2 * length, side=kind == "box")
-    if kind != "box":
+    inlet = head("drive", top + 0.2 * length, side=side)
+    if not side:
         inlet["patch"] = {"from": [0, 0], "to": [before, top]}
     outlet = head("exit", top + 0.1 * length)
     toe = before + length
@@ -122,6 +123,19 @@ def scale(folders):
     return rows
 
 
+def ends(folders):
+    """Returns head over rule of standard dikes with other inlets and exits: which of them makes the head differ from the rule."""
+    rows = []
+    for thickness in (10, 30):
+        for heel in (False, True):
+            for opening in (1, 4, 16):
+                values = plane("dike", 30, thickness, 64, 3e-4, 1.157e-12, "sellmeijer2011", heel, opening)
+                folder = run(f"backward_erosion/ends_{thickness}_{'heel' if heel else 'surface'}_{opening}", CASE, values)
+                folders.append(folder)
+                rows.append(("filter over the depth at the heel" if heel else "sand surface as long as the dike", thickness / 30, opening / 64, answers(folder)["head_over_rule"]))
+    table("backward_erosion_ends", ["inlet", "D_over_L", "width_of_exit_over_L", "head_over_rule"], rows, "standard dikes of 30 m, sand of the D-Geo Flow rows, 64 cells along L")
+
+
 # Heads of a pipe to a hole, w/a = 20, D = L/3, sand S2-2, in DgFlow: Pol, Noordam, Kanning 2024, tables A.4 to A.6.
 HOLE = {0.9: 0.084, 3: 0.144, 9: 0.254, 30: 0.470, 90: 0.864}
 
@@ -179,6 +193,7 @@ def main():
     rows = sands(folders)
     sections = scale(folders)
     others = exits(folders)
+    ends(folders)
     powers = {
         "section": exponent([row[1:3] for row in sections]),
         "hole": exponent([row[1:3] for row in others if row[0] == "hole"]),
