@@ -6,10 +6,9 @@
 import importlib
 import sys
 
-ROWS = {"columns": "columns", "heap": "heap", "laboratory": "laboratory", "triaxial": "triaxial", "jet": "jet", "round-jet": "round_jet", "round-jet-far": "round_jet_far",
-        "chimney": "chimney",
-        "jet-erosion": "jet_erosion", "backward-erosion": "backward_erosion", "piping-grains": "piping_grains",
-        "piping-grains-240": "piping_grains_240"}
+ROWS = {name: name.replace("-", "_") for name in (
+    "columns", "columns-reasons", "heap", "laboratory", "triaxial", "jet", "round-jet", "round-jet-far", "chimney", "jet-erosion", "jet-erosion-stress", "backward-erosion",
+    "piping-grains", "piping-grains-reasons", "piping-grains-240", "same-bits")}
 
 
 def main():
