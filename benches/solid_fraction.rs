@@ -20,7 +20,7 @@ use std::time::Instant;
 
 use nalgebra::{Rotation3, Vector3};
 use solver::coupling::solid_fraction::{
-    BallInCells, BallTable, BlockTable, Form, FractionMethod, PolyhedronSurface, Scratch,
+    BallInCells, BallTable, BlockTable, Form, FractionMethod, PolyhedronSurface, RowAxes, Scratch,
 };
 use solver::dem::polyhedron::Polyhedron;
 
@@ -115,8 +115,12 @@ fn show(name: &str, form: &Form, volume: f64) {
         }
         Form::Block { surface, .. } => {
             let mut table = BlockTable::default();
+            let axes = RowAxes {
+                lattice: [0, 1, 2],
+                sums: [0, 1, 2],
+            };
             at_once(per_cell(count, || {
-                table.fill(surface, lower, cells, [0, 1, 2]);
+                table.fill(surface, lower, cells, axes);
                 let mut sum = 0.0;
                 for layer in 0..cells[0] {
                     table.layer(surface, layer);
