@@ -408,16 +408,16 @@ fn opaque(along: &mut [isize; 2]) {
 /// Largest number of vectors of cells whose relaxation rates are computed before they collide ([`batch_of`]).
 const BATCH: usize = 16;
 
-/// Returns the number of vectors of cells whose relaxation rates are computed one after the other, before they collide. The
-/// roots and divisions of a rate take as long as a collision, and those of several vectors overlap. With 27 populations
-/// the loads of the collision fill this time.
+/// Returns the number of vectors of cells whose relaxation rates are computed one after the other, before they collide.
+/// The roots and divisions of a rate take as long as a collision, and those of several vectors overlap. With 27
+/// populations the loads of the collision fill this time.
 const fn batch_of<const Q: usize>() -> usize {
     if Q == 27 { 1 } else { BATCH }
 }
 
-/// Returns the rate ω of the shear stress of a vector of cells, with their eddy viscosity, and the rates of the operator:
-/// those of the cells `at` in the row that begins at position `row`, in the part `part` of the row. They come from `batch`,
-/// which the first vector of a batch fills.
+/// Returns the rate ω of the shear stress of a vector of cells, with their eddy viscosity, and the rates of the
+/// operator: those of the cells `at` in the row that begins at position `row`, in the part `part` of the row. They come
+/// from `batch`, which the first vector of a batch fills.
 ///
 /// # Safety
 /// The cells must be interior cells, with capacity for whole vectors after them.
@@ -450,8 +450,8 @@ where
     batch[place % length]
 }
 
-/// Returns the rate ω of the shear stress, with the eddy viscosity, and the rates of the operator for the vector of cells
-/// at position `cell`.
+/// Returns the rate ω of the shear stress, with the eddy viscosity, and the rates of the operator for the vector of
+/// cells at position `cell`.
 ///
 /// # Safety
 /// The conditions are those of [`rates_of`].

@@ -51,8 +51,8 @@ pub trait Collision: Copy + Send + Sync {
 
 /// Moments of a cell for operators with one or two rates.
 ///
-/// The equilibrium w [δρ + 3 c·m + (9/2 (c·m)² - 3/2 m²)/ρ] needs the division by ρ in its last terms only. Written in m
-/// instead of u, all products are computed while the processor divides, so that a vector of cells waits a third less.
+/// The equilibrium w [δρ + 3 c·m + (9/2 (c·m)² - 3/2 m²)/ρ] needs the division by ρ in its last terms only. Written in
+/// m instead of u, all products are computed while the processor divides, so that a vector of cells waits less.
 pub(crate) struct Moments<N> {
     /// Density deviation δρ.
     pub(crate) drho: N,

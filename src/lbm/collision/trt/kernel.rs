@@ -84,8 +84,8 @@ impl<const FORCED: bool> Collision for Trt<FORCED> {
             [0.0; 3]
         };
         let p = Moments::from_pairs::<L, G, Q>(g, half_force);
-        // The source terms per weight are (1 - ω⁺/2) [9 (c·m)(c·F) - 3 m·F]/ρ of the symmetric part and (1 - ω⁻/2) 3 c·F
-        // of the antisymmetric part.
+        // The source terms per weight are (1 - ω⁺/2) [9 (c·m)(c·F) - 3 m·F]/ρ of the symmetric part and
+        // (1 - ω⁻/2) 3 c·F of the antisymmetric part.
         let mut force = [N::splat(0.0); 3];
         let mut power = N::splat(0.0);
         let (mut even_source, mut odd_source) = (power, power);
