@@ -154,6 +154,33 @@ def piping_grains():
     save(figure, "piping_grains")
 
 
+def reasons():
+    """Draws the runs that test the reasons of rows that disagree: sliding below a cover, wall shear of the jet, run-out of columns."""
+    sliding, shears, columns_table = rows("piping_grains_reasons_runs"), rows("jet_erosion_stress_wall"), rows("columns_reasons")
+    if not sliding or not shears or not columns_table:
+        return
+    figure, (left, middle, right) = plt.subplots(1, 3, figsize=(12, 3.8))
+    for shade, scene in enumerate(dict.fromkeys(row["scene"] for row in sliding)):
+        part = [row for row in sliding if row["scene"] == scene and row["gradient_front_0.5_L"] != "nan"]
+        left.plot([float(row["friction_of_the_layer"]) for row in part], [float(row["gradient_front_0.5_L"]) for row in part], f"C{shade}o", ms=4, label=scene)
+    left.plot([0, 0.8], [0, 0.8], "k:", lw=1)
+    left.set(xlabel="solid fraction times 1.5 tan(friction angle)", ylabel="H/L with the front at L/2", xlim=(0, None), ylim=(0, None))
+    spacing = max(float(row["spacing_m"]) for row in shears)
+    for name, part in (("computed", [row for row in shears if float(row["spacing_m"]) == spacing]), ("computed, half the spacing", [row for row in shears if float(row["spacing_m"]) < spacing])):
+        middle.semilogy([1e3 * float(row["distance_m"]) for row in part], [float(row["largest_shear_Pa"]) for row in part], "o", ms=4, label=name)
+    part = [row for row in shears if float(row["spacing_m"]) == spacing]
+    middle.semilogy([1e3 * float(row["distance_m"]) for row in part], [float(row["formula_Pa"]) for row in part], label="formula of Hanson and Cook")
+    middle.set(xlabel="distance of the wall from the nozzle [mm]", ylabel="largest wall shear stress [Pa]")
+    for shade, scene in enumerate(dict.fromkeys(row["scene"] for row in columns_table)):
+        part = [row for row in columns_table if row["scene"] == scene]
+        right.plot([float(row["solid_fraction"]) for row in part], [float(row["run_out_over_height_at_0.6_s"]) for row in part], f"C{shade}o", ms=4, label=scene)
+    right.axhline(3.17, color="grey", lw=0.5)
+    right.set(xlabel="solid fraction of the loose column", ylabel="run-out over height (line: published)", ylim=(0, None))
+    for axes in (left, middle, right):
+        axes.legend(frameon=False, fontsize=7)
+    save(figure, "reasons")
+
+
 def laboratory():
     """Draws the laboratory tests of both programs, one line for each packing."""
     table = rows("laboratory_curves") + rows("triaxial_curves")
@@ -203,6 +230,7 @@ def main():
     chimney()
     piping_grains()
     laboratory()
+    reasons()
     bars("heap_runs", "program", ["run_out_over_length", "centre_over_length"], "over the length of the column")
 
 

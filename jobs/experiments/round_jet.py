@@ -8,13 +8,13 @@ NOZZLE, VISCOSITY, DIAMETER, CENTRE = 0.002, 1e-5, 1e-3, 0.005
 WEIGHT = 1.5 * 9.81 * DIAMETER
 # Heights of the box [m], packings, spacings of the cells [m] and time steps [s].
 HEIGHTS, PACKINGS = {"near": 0.008, "far": 0.0115}, (1, 2, 3)
-SPACINGS, STEPS = {"near": 1 / 6000, "far": 1 / 6000, "free": 1 / 6000}, {"near": 4.8e-5, "far": 4.8e-5, "free": 4e-5}
-# Mean velocities at the nozzle [m/s], the time that each of them stays and that of the rise to it [s]. Above 0.2 m/s the cells would be too large.
-SPEEDS = {"near": (0.14, 0.16, 0.18, 0.2), "far": (0.14, 0.16, 0.18, 0.2), "free": (0.12, 0.16, 0.2)}
+SPACINGS, STEPS = {"near": 1 / 8000, "far": 1 / 6000, "free": 1 / 6000}, {"near": 3e-5, "far": 4.8e-5, "free": 4e-5}
+# Mean velocities at the nozzle [m/s], the time that each of them stays and that of the rise to it [s]. Above 0.2 m/s cells of 1/6 mm would be too large, above 0.26 m/s those of 1/8 mm.
+SPEEDS = {"near": (0.14, 0.16, 0.18, 0.2, 0.22, 0.24, 0.26), "far": (0.14, 0.16, 0.18, 0.2), "free": (0.12, 0.16, 0.2)}
 STAYS, RISE = {"near": 0.15, "far": 0.15, "free": 0.12}, 0.005
 FREE = 0.0135
-# Beads that have moved by a diameter: the first one, and those of a crater; a run ends after the step in which UNTIL beads have.
-BEADS, UNTIL = (1, 10), 1
+# Beads that have moved by a diameter: the first one, and those of a crater; a packing ends after the step in which as many beads have as UNTIL has for it.
+BEADS, UNTIL = (1, 10), {"near": {1: 10}, "far": {}}
 BOUNDARIES = "fluid.lattice_boltzmann.boundaries"
 
 
@@ -106,7 +106,7 @@ def climb(name, seed):
     folder = run(f"round-jet/{name}-{seed}", "round_jet/case.json", settings(name, height, changes), may_extend=True)
     with open_run(folder) as results:
         steps = round(list(results.grains)[-1].time / STAYS[name])
-    while steps < len(SPEEDS[name]) and threshold(folder, 1.0, UNTIL)[0] is None:
+    while steps < len(SPEEDS[name]) and threshold(folder, 1.0, UNTIL[name].get(seed, 1))[0] is None:
         steps += 1
         extend(folder, round(steps * STAYS[name], 6))
     return folder, steps
