@@ -65,10 +65,10 @@ const SINGLE_SPEED_UP: f64 = 1.5;
 /// Returns the updates per second of one core in cells without solids, in millions.
 pub(super) fn mlups(flow: &Flow) -> f64 {
     let nanoseconds = match (flow.lattice, flow.storage) {
-        (VelocitySet::D2Q9, Precision::F64) => 3.9,
-        (VelocitySet::D2Q9, Precision::F32) => 4.9,
-        (VelocitySet::D3Q19, Precision::F64) => 17.7,
-        (VelocitySet::D3Q19, Precision::F32) => 15.0,
+        (VelocitySet::D2Q9, Precision::F64) => 5.3,
+        (VelocitySet::D2Q9, Precision::F32) => 6.1,
+        (VelocitySet::D3Q19, Precision::F64) => 20.0,
+        (VelocitySet::D3Q19, Precision::F32) => 17.0,
         (VelocitySet::D3Q27, Precision::F64) => 27.0,
         (VelocitySet::D3Q27, Precision::F32) => 24.0,
     };
