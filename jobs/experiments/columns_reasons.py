@@ -1,48 +1,38 @@
-"""Reasons of the row of the immersed columns: run-out of looser, larger and longer runs."""
+"""Reason of the row of the immersed columns: run-out against pore pressure over the packings of the row and a further one."""
+
+import csv
 
 import numpy as np
 from columns import LENGTH, STATES, measure
-from runs import run, seconds, table
+from runs import HERE, STUDENT, run, seconds, table
 
-# Solid fractions that the growth is asked for, sizes over that of the row, ends over its end, and packings.
-SCENES = {
-    "as in the row": (0.77, 1, 1, (1, 2, 3)),
-    "looser": (0.74, 1, 1, (1, 2)),
-    "loosest": (0.70, 1, 1, (1, 2)),
-    "three times as long": (0.77, 1, 3, (1,)),
-    "twice as large": (0.77, 2, 1, (1,)),
-}
-END = 0.6
+PUBLISHED_PRESSURE = 0.37
+# Amount of discs from which a further packing is grown; it does not become looser than those of the row.
+AMOUNT = 0.70
+
+
+def line(x, y, at):
+    """Returns the regression of y on x at a place and the half width of the 95 % interval of the mean there."""
+    slope, offset = np.polyfit(x, y, 1)
+    free = len(x) - 2
+    spread = np.sqrt(np.sum((y - slope * x - offset) ** 2) / free)
+    return slope * at + offset, STUDENT[free] * spread * np.sqrt(1 / len(x) + (at - x.mean()) ** 2 / np.sum((x - x.mean()) ** 2))
 
 
 def main():
-    rows, folders, curves = [], [], []
+    with open(HERE / "results" / "columns_runs.csv", encoding="utf-8", newline="") as file:
+        found = csv.DictReader(text for text in file if not text.startswith("#"))
+        rows = [(row["state"], row["seed"], *(float(row[name]) for name in ("solid_fraction", "pressure_early", "run_out_over_height")), "") for row in found]
     friction, _, height = STATES["loose"]
-    for scene, (amount, size, longer, seeds) in SCENES.items():
-        for seed in seeds:
-            end = END * size * longer
-            changes = {
-                "grains.initial.growth.friction_angle_degrees": friction,
-                "grains.initial.growth.amount.solid_fraction": amount,
-                "grains.initial.growth.box.to": [LENGTH * size, height * size],
-                "grains.initial.growth.seed": seed,
-            }
-            if size != 1 or longer != 1:
-                changes |= {"domain.size": [0.0216 * size, 0.0054 * size], "time.end": end, "output.fluid.every": end}
-                changes |= {"probes[0].at.line.from": [0.0018 * size, 2e-5], "probes[0].at.line.to": [0.0027 * size, 2e-5]}
-            name = f"loose-{seed}" if scene == "as in the row" else f"{scene.replace(' ', '-')}-{seed}"
-            folder = run(f"columns/{name}", "columns/case.json", changes)
-            folders.append(folder)
-            # Pressures of a column are compared with its own weight, and times scale with its size.
-            times, front, pressure, fraction = measure(folder, height * size)
-            fraction /= size
-            window = pressure[(pressure.index > 0.02 * size) & (pressure.index < 0.12 * size)] * size
-            last = np.interp(END * size, times, front)
-            rows.append((scene, seed, float(fraction), float(window.mean()), float(last), float(front[-1]), float(front[-1] - np.interp(0.9 * end, times, front))))
-            curves += [(scene, seed, float(time / size), float(edge)) for time, edge in zip(times, front)]
-    columns = ["scene", "packing", "solid_fraction", "pressure_over_weight_early", "run_out_over_height_at_0.6_s", "run_out_over_height_at_end", "growth_in_last_tenth"]
-    table("columns_reasons", columns, rows, f"times over the size; processor time of all runs: {seconds(folders):.0f} s")
-    table("columns_reasons_curves", ["scene", "packing", "time_over_size_s", "run_out_over_height"], curves)
+    growth = "grains.initial.growth"
+    values = {f"{growth}.friction_angle_degrees": friction, f"{growth}.amount.solid_fraction": AMOUNT, f"{growth}.box.to": [LENGTH, height], f"{growth}.seed": 1}
+    folder = run("columns/loosest-1", "columns/case.json", values)
+    _, front, pressure, fraction = measure(folder, height)
+    rows.append((f"loose, from {AMOUNT}", "1", float(fraction), float(pressure[(pressure.index > 0.02) & (pressure.index < 0.12)].mean()), float(front[-1]), ""))
+    x, y = (np.array([row[column] for row in rows]) for column in (3, 4))
+    rows.append(("regression of all", len(x), "", PUBLISHED_PRESSURE, *map(float, line(x, y, PUBLISHED_PRESSURE))))
+    note = f"the regression is that of run-out on pressure at the published pressure; the runs of the row are read from its table; processor time of the further run: {seconds([folder]):.0f} s"
+    table("columns_reasons", ["state", "packing", "solid_fraction", "pressure_early", "run_out_over_height", "half_width_95"], rows, note)
 
 
 if __name__ == "__main__":

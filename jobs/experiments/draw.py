@@ -81,7 +81,7 @@ def jet():
 
 def round_jet():
     """Draws the velocity on the axis of the free round jet, whose inverse grows along Schlichting's line, and the steps between which beads are eroded."""
-    table, runs = rows("round_jet_axis"), rows("round_jet_runs") + rows("round_jet_far_runs")
+    table, runs = rows("round_jet_axis"), rows("round_jet_runs") + rows("round_jet_far_runs") + rows("round_jet_crater_runs")
     if not table or not runs:
         return
     figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.8))
@@ -122,7 +122,7 @@ def chimney():
 
 def piping_grains():
     """Draws the front of the discs below a cover over the gradient, the discharge at heads that stay, and H/L against L with the rule of 2011."""
-    curves, runs = rows("piping_grains_curves"), rows("piping_grains_runs")
+    curves, runs = (rows(f"piping_grains_{kind}") + rows(f"piping_grains_240_{kind}") for kind in ("curves", "runs"))
     if not curves or not runs:
         return
     figure, (left, middle, right) = plt.subplots(1, 3, figsize=(12, 3.8))
@@ -155,29 +155,28 @@ def piping_grains():
 
 
 def reasons():
-    """Draws the runs that test the reasons of rows that disagree: sliding below a cover, wall shear of the jet, run-out of columns."""
-    sliding, shears, columns_table = rows("piping_grains_reasons_runs"), rows("jet_erosion_stress_wall"), rows("columns_reasons")
-    if not sliding or not shears or not columns_table:
+    """Draws the runs that test the reasons of rows that disagree: sliding below a cover and wall shear of the jet."""
+    sliding, shears = rows("piping_grains_reasons_runs"), rows("jet_erosion_stress_wall")
+    if not sliding or not shears:
         return
-    figure, (left, middle, right) = plt.subplots(1, 3, figsize=(12, 3.8))
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.8))
     for shade, scene in enumerate(dict.fromkeys(row["scene"] for row in sliding)):
-        part = [row for row in sliding if row["scene"] == scene and row["gradient_front_0.5_L"] != "nan"]
-        left.plot([float(row["friction_of_the_layer"]) for row in part], [float(row["gradient_front_0.5_L"]) for row in part], f"C{shade}o", ms=4, label=scene)
-    left.plot([0, 0.8], [0, 0.8], "k:", lw=1)
-    left.set(xlabel="solid fraction times 1.5 tan(friction angle)", ylabel="H/L with the front at L/2", xlim=(0, None), ylim=(0, None))
+        part = [row for row in sliding if row["scene"] == scene and row["front_0.5_L"] != "nan"]
+        left.plot([float(row["sliding_by_contact_friction"]) for row in part], [float(row["front_0.5_L"]) for row in part], f"C{shade}o", ms=4, label=scene)
+    discs = [row for row in sliding if row["scene"].startswith("discs") or row["scene"] == "as in the row"]
+    for mark, quantity in (("k^", "peak_strength"), ("kv", "late_strength")):
+        places = [[float(row[f"sliding_by_{value}"]) for row in discs] for value in ("contact_friction", quantity)]
+        left.plot(*places, mark, ms=3, mfc="none", label=f"sliding by the {quantity.replace('_', ' ')} of the packing")
+    left.plot([0, 0.8], [0, 0.8], "k:", lw=1, label="sliding by the friction of contacts")
+    left.set(xlabel="solid fraction times 1.5 tan(friction angle of contacts)", ylabel="H/L with the front at L/2", xlim=(0, None), ylim=(0, 1.2))
     spacing = max(float(row["spacing_m"]) for row in shears)
     for name, part in (("computed", [row for row in shears if float(row["spacing_m"]) == spacing]), ("computed, half the spacing", [row for row in shears if float(row["spacing_m"]) < spacing])):
-        middle.semilogy([1e3 * float(row["distance_m"]) for row in part], [float(row["largest_shear_Pa"]) for row in part], "o", ms=4, label=name)
+        right.semilogy([1e3 * float(row["distance_m"]) for row in part], [float(row["largest_shear_Pa"]) for row in part], "o", ms=4, label=name)
     part = [row for row in shears if float(row["spacing_m"]) == spacing]
-    middle.semilogy([1e3 * float(row["distance_m"]) for row in part], [float(row["formula_Pa"]) for row in part], label="formula of Hanson and Cook")
-    middle.set(xlabel="distance of the wall from the nozzle [mm]", ylabel="largest wall shear stress [Pa]")
-    for shade, scene in enumerate(dict.fromkeys(row["scene"] for row in columns_table)):
-        part = [row for row in columns_table if row["scene"] == scene]
-        right.plot([float(row["solid_fraction"]) for row in part], [float(row["run_out_over_height_at_0.6_s"]) for row in part], f"C{shade}o", ms=4, label=scene)
-    right.axhline(3.17, color="grey", lw=0.5)
-    right.set(xlabel="solid fraction of the loose column", ylabel="run-out over height (line: published)", ylim=(0, None))
-    for axes in (left, middle, right):
-        axes.legend(frameon=False, fontsize=7)
+    right.semilogy([1e3 * float(row["distance_m"]) for row in part], [float(row["formula_Pa"]) for row in part], label="formula of Hanson and Cook")
+    right.set(xlabel="distance of the wall from the nozzle [mm]", ylabel="largest wall shear stress [Pa]")
+    left.legend(frameon=False, fontsize=6, ncol=2)
+    right.legend(frameon=False, fontsize=7)
     save(figure, "reasons")
 
 

@@ -7,14 +7,14 @@ from solver_results import open_run
 NOZZLE, VISCOSITY, DIAMETER, CENTRE = 0.002, 1e-5, 1e-3, 0.005
 WEIGHT = 1.5 * 9.81 * DIAMETER
 # Heights of the box [m], packings, spacings of the cells [m] and time steps [s].
-HEIGHTS, PACKINGS = {"near": 0.008, "far": 0.0115}, (1, 2, 3)
-SPACINGS, STEPS = {"near": 1 / 8000, "far": 1 / 6000, "free": 1 / 6000}, {"near": 3e-5, "far": 4.8e-5, "free": 4e-5}
-# Mean velocities at the nozzle [m/s], the time that each of them stays and that of the rise to it [s]. Above 0.2 m/s cells of 1/6 mm would be too large, above 0.26 m/s those of 1/8 mm.
-SPEEDS = {"near": (0.14, 0.16, 0.18, 0.2, 0.22, 0.24, 0.26), "far": (0.14, 0.16, 0.18, 0.2), "free": (0.12, 0.16, 0.2)}
-STAYS, RISE = {"near": 0.15, "far": 0.15, "free": 0.12}, 0.005
+HEIGHTS, PACKINGS = {"near": 0.008, "crater": 0.008, "far": 0.0115}, {"near": (1, 2, 3), "crater": (1,), "far": (1, 2, 3)}
+SPACINGS, STEPS = 1 / 6000, {"near": 4.8e-5, "crater": 4.8e-5, "far": 4.8e-5, "free": 4e-5}
+# Mean velocities at the nozzle [m/s], the time that each of them stays and that of the rise to it [s]. Above 0.2 m/s the cells would be too large.
+SPEEDS = {"near": (0.14, 0.16, 0.18, 0.2), "crater": (0.14, 0.16, 0.18, 0.2), "far": (0.14, 0.16, 0.18, 0.2), "free": (0.12, 0.16, 0.2)}
+STAYS, RISE = {"near": 0.15, "crater": 0.15, "far": 0.15, "free": 0.12}, 0.005
 FREE = 0.0135
-# Beads that have moved by a diameter: the first one, and those of a crater; a packing ends after the step in which as many beads have as UNTIL has for it.
-BEADS, UNTIL = (1, 10), {"near": {1: 10}, "far": {}}
+# Beads that have moved by a diameter: the first one, and those of a crater; a run ends after the step in which UNTIL beads have.
+BEADS, UNTIL = (1, 10), {"near": 1, "crater": 10, "far": 1}
 BOUNDARIES = "fluid.lattice_boltzmann.boundaries"
 
 
@@ -31,7 +31,7 @@ def settings(name, height, changes):
     side = 0.01
     return {
         "domain.size": [side, side, height],
-        "domain.spacing": SPACINGS[name],
+        "domain.spacing": SPACINGS,
         f"{BOUNDARIES}[0].patch.to": [0.006, 0.006, height],
         f"{BOUNDARIES}[0].condition.velocity.history": stairs(name),
         f"{BOUNDARIES}[1].patch.to": [0, side, height],
@@ -106,7 +106,7 @@ def climb(name, seed):
     folder = run(f"round-jet/{name}-{seed}", "round_jet/case.json", settings(name, height, changes), may_extend=True)
     with open_run(folder) as results:
         steps = round(list(results.grains)[-1].time / STAYS[name])
-    while steps < len(SPEEDS[name]) and threshold(folder, 1.0, UNTIL[name].get(seed, 1))[0] is None:
+    while steps < len(SPEEDS[name]) and threshold(folder, 1.0, UNTIL[name])[0] is None:
         steps += 1
         extend(folder, round(steps * STAYS[name], 6))
     return folder, steps
@@ -127,7 +127,7 @@ def study(name, title):
     corners = ((0, 0), (0.01, 0), (0, 0), (0, 0.01))
     flow |= {f"{BOUNDARIES}[{place}].patch.from": [*corner, 0] for place, corner in enumerate(corners, start=1)}
     folders, rows, found = [], [], {}
-    for seed in PACKINGS:
+    for seed in PACKINGS[name]:
         folder, steps = climb(name, seed)
         folders.append(folder)
         found[seed] = threshold(folder, 0.25)[0], {beads: threshold(folder, 1.0, beads) for beads in BEADS}, surfaces(folder), steps
@@ -137,7 +137,7 @@ def study(name, title):
     answers = []
     for beads in BEADS:
         values = []
-        for seed in PACKINGS:
+        for seed in PACKINGS[name]:
             first, erosion, (start, end), steps = found[seed]
             time, place = erosion[beads]
             distance, crater = HEIGHTS[name] - start, (start - end) / DIAMETER
@@ -159,7 +159,8 @@ def study(name, title):
                "moved_by_a_diameter_s", "distance_from_axis_d", "crater_depth_at_end_d"]
     table(f"{title}_runs", columns, rows, "from the last step that holds to the first that erodes; the first step has none before it")
     curves = [(float(x / NOZZLE), *map(float, u)) for x, u in zip(distances, profiles.T)][::4]
-    table(f"{title}_axis", ["distance_over_nozzle", *(f"velocity_over_mean_at_{speed}" for speed in SPEEDS["free"])], curves)
+    if name == "near":
+        table(f"{title}_axis", ["distance_over_nozzle", *(f"velocity_over_mean_at_{speed}" for speed in SPEEDS["free"])], curves)
     table(title, ["distance", "beads", "quantity", "packings", "mean", "scatter", "half_width_95"], answers, f"processor time: {seconds(folders):.0f} s")
 
 

@@ -7,7 +7,7 @@ import importlib
 import sys
 
 ROWS = {name: name.replace("-", "_") for name in (
-    "columns", "columns-reasons", "heap", "laboratory", "triaxial", "jet", "round-jet", "round-jet-far", "chimney", "jet-erosion", "jet-erosion-stress", "backward-erosion",
+    "columns", "columns-reasons", "heap", "laboratory", "triaxial", "jet", "round-jet", "round-jet-far", "round-jet-crater", "chimney", "jet-erosion", "jet-erosion-stress", "backward-erosion",
     "piping-grains", "piping-grains-reasons", "piping-grains-240", "same-bits")}
 
 
