@@ -11,7 +11,7 @@ DIAMETER, VISCOSITY, GRAVITY, EXCESS, FRICTION, BEDDING = 1e-3, 5e-6, 9.81, 1.5,
 CHAMBER, DITCH, OVERHEAD, LOOSE = 2, 4, 3, 0.3
 # Packings for each length of the cover in diameters, and the largest H/L of the ramp. That of 240 diameters, a row of its own, ends where the front of the others
 # has passed 0.9 L, before the water breaks through.
-PACKINGS = {30: 5, 60: 5, 120: 3}
+PACKINGS = {30: 5, 60: 5, 120: 5}
 LARGEST = {30: 0.65, 60: 0.65, 120: 0.65, 240: 0.5}
 RISE = 0.45 / 1.1
 # Springs of long covers [N/m] instead of 1e5: the weight compresses the bed when the run starts, by a volume that grows as L³ over the stiffness, and this water
