@@ -3,7 +3,7 @@
 //! Ghost values at faces of the domain make the central difference second-order. With the wall at half a cell,
 //! u_ghost = (8 u_wall - 6 u_1 + u_2)/3 gives the derivative of the parabola through u_wall, u_1 and u_2. At open
 //! faces u_ghost = 2 u_1 - u_2 gives the one-sided difference. At planes of symmetry the ghost is the mirror image.
-//! Where the surface of a structure lies between the first two cells, its velocity and place replace those of u_2:
+//! The surface of a structure between the first two cells replaces u_2, with its own velocity and place:
 //! no flow is computed inside the structure, and the water behind a sheet is another flow
 //! ([`Field::bound_ghosts`]). The field is stored in f32: its rounding is 1e-7 of the velocity and affects the eddy
 //! viscosity, not the flow directly.

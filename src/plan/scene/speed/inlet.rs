@@ -14,7 +14,7 @@
 //! channel with a patch of 9 cells in one face and an outlet of 58 cells reached 2.8 times sqrt(2 dP/ρ) before its run
 //! ended.
 //!
-//! Where gravity acts on the water, dP is that of the reduced pressures p - ρ g·x in the middle of the openings: with
+//! The difference dP is that of the reduced pressures p - ρ g·x in the middle of the openings, if gravity acts: with
 //! equal pressures the water falls from the higher one. A patch of 18 cells 23 cells above an outlet of 60 cells drew
 //! in a jet of 0.2 in lattice units where sqrt(2 g H) was 0.076.
 
