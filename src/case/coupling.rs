@@ -38,21 +38,41 @@ pub struct BounceBack {
     /// permeable.
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub hydraulic_radius_factor: f64,
-    /// Fluid nodes with at least this many solid neighbours treat the surface as stationary, which stabilises
-    /// narrow gaps; 0 turns this off. Default: 5 of the 8 neighbours in 2-D; off in 3-D, where a flat surface alone
-    /// accounts for 5 of 18 or 9 of 26.
+    /// Surfaces around a fluid node with at least this many solid neighbours reflect with the mean velocity of the
+    /// bodies around it, and at rest next to walls and structures: such a node, in a narrow gap, gains no mass from
+    /// bodies that approach each other. 0 turns this off. Default: 5 of the 8 neighbours in 2-D; off in 3-D, where a
+    /// flat surface alone accounts for 5 of 18 or 9 of 26, and where `drop_wall_velocity_at_solid_neighbours` is
+    /// given.
+    #[schemars(range(min = 0, max = 26))]
+    pub mean_wall_velocity_at_solid_neighbours: Option<u32>,
+    /// The rule of Sibille, Lomine and Marot (2012) instead: such surfaces count as stationary. Bodies that move
+    /// together then pump the fluid between them, so that results depend on the frame of reference. 0 turns both
+    /// rules off. Default: not used.
     #[schemars(range(min = 0, max = 26))]
     pub drop_wall_velocity_at_solid_neighbours: Option<u32>,
 }
 
+/// Velocity with which surfaces reflect in narrow gaps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum GapVelocity {
+    /// Mean velocity of the bodies around the node.
+    Mean,
+    /// Zero.
+    Zero,
+}
+
 impl BounceBack {
-    /// Returns the minimum number of solid neighbours with which a node ignores the velocity of the surface; none
-    /// if no node does.
+    /// Returns the minimum number of solid neighbours of a node in a narrow gap, and the velocity of the surfaces
+    /// there; none if surfaces always reflect with their own velocity.
     #[must_use]
-    pub fn isolated(&self, dimension: usize) -> Option<u32> {
+    pub fn narrow_gaps(&self, dimension: usize) -> Option<(u32, GapVelocity)> {
         let usual = if dimension == 2 { 5 } else { 0 };
-        let limit = self.drop_wall_velocity_at_solid_neighbours;
-        Some(limit.unwrap_or(usual)).filter(|&limit| limit > 0)
+        let mean = self.mean_wall_velocity_at_solid_neighbours;
+        let (limit, velocity) = match self.drop_wall_velocity_at_solid_neighbours {
+            Some(limit) if mean.unwrap_or(0) == 0 => (limit, GapVelocity::Zero),
+            _ => (mean.unwrap_or(usual), GapVelocity::Mean),
+        };
+        (limit > 0).then_some((limit, velocity))
     }
 }
 
@@ -62,6 +82,7 @@ impl Default for BounceBack {
             scheme: Scheme::HalfWay,
             force_average: true,
             hydraulic_radius_factor: 1.0,
+            mean_wall_velocity_at_solid_neighbours: None,
             drop_wall_velocity_at_solid_neighbours: None,
         }
     }

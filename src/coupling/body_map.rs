@@ -8,6 +8,7 @@
 //! All geometry is computed in the frame of a body's raw position, so that all periodic images of a body have the same
 //! bits.
 
+mod gaps;
 mod joint_cells;
 mod links;
 mod lookup;
@@ -21,13 +22,15 @@ use base::number::to_i32;
 use base::thread_pool;
 use dem::particles::{Motion, Particles};
 use dem::space::{Components, Space};
+pub use gaps::{GapVelocity, NarrowGaps};
 use joint_cells::JointCells;
 pub use joint_cells::{CellChange, JointLink};
 use lbm::boundary::SolidPart;
 use lbm::fluid::Fluid;
 use lbm::lanes::Stored;
+use lbm::links::gaps::{BodyLinks, Gaps};
 use lbm::links::mirrored::MirroredLink;
-use lbm::links::{BODIES_PER_THREAD as PER_THREAD, BodyLink, CellPlane, Load, Rigid, add_force};
+use lbm::links::{BODIES_PER_THREAD as PER_THREAD, CellPlane, Load, Rigid, add_force};
 use lbm::populations::Populations;
 use links::Direction;
 use lookup::{Found, Nearest};
@@ -125,9 +128,8 @@ pub struct Rules {
     pub hydraulic_radius_factor: f64,
     /// Id of the first grain: bodies with a lower id keep their own radius.
     pub first_grain: u64,
-    /// Minimum number of solid neighbours with which a fluid cell ignores the velocity of the walls; none if no cell
-    /// does.
-    pub isolated: Option<usize>,
+    /// Rule for narrow gaps; none if surfaces always reflect with their own velocity.
+    pub narrow: Option<NarrowGaps>,
     /// `true` if links read the cell behind their outer end, two cells from the body: interpolation needs fluid
     /// there.
     pub interpolated: bool,
@@ -150,8 +152,9 @@ struct Mapped {
     shares: bool,
     /// `true` if the body must be mapped again in this update.
     again: bool,
-    /// Halves of links through planes of symmetry.
+    /// Halves of links through planes of symmetry, and their narrow gaps.
     mirrored: Vec<MirroredLink>,
+    mirrored_gaps: Gaps,
     /// Cells in local coordinates, including those that belong to a body of lower id or a structure.
     rows: Rows,
     /// Buffer for the next search. After a search with a different result it contains the previous cells.
@@ -177,7 +180,7 @@ pub struct BodyMap {
     sharing: Vec<usize>,
     /// `true` if the entries at the last refresh are those mapped, including their images.
     adopted: bool,
-    links: Vec<Vec<BodyLink>>,
+    links: Vec<BodyLinks>,
     directions: Vec<Direction>,
     motion: Vec<Rigid>,
     /// Present orientation and faces of each entry; without faces for bodies that are not polyhedra, and empty if
@@ -280,7 +283,7 @@ impl BodyMap {
 
     /// Returns the links of each entry of the particles.
     #[must_use]
-    pub fn links(&self) -> &[Vec<BodyLink>] {
+    pub fn links(&self) -> &[BodyLinks] {
         &self.links
     }
 
@@ -421,19 +424,28 @@ impl BodyMap {
     ) {
         if self.slab.cells.contains(&0) {
             // An empty slab has no cells, but entries still have elements in the lists.
-            self.links.resize_with(particles.len(), Vec::new);
+            self.links.resize_with(particles.len(), BodyLinks::default);
             return;
         }
         self.changes.clear();
         self.again.clear();
         self.clear_joint_changes();
-        if !self.adopted {
+        let reassigned = !self.adopted;
+        if reassigned {
             self.assign_maps(particles);
         }
         self.recheck_moved_bodies();
-        if self.again.is_empty() && self.changes.is_empty() && !self.joints_changed() {
-            return;
+        if !self.again.is_empty() || !self.changes.is_empty() || self.joints_changed() {
+            self.map_again(populations, loads);
         }
+        if reassigned {
+            self.find_motions_in_gaps();
+        }
+        self.renew_gaps();
+    }
+
+    /// Assigns the cells of the bodies that moved, and finds the links near cells that changed.
+    fn map_again<S: Stored>(&mut self, populations: &Populations<S>, loads: Option<&mut [Load]>) {
         self.open_joints();
         // The owners of cells shared by several bodies are determined again.
         for &body in &self.sharing {
@@ -460,7 +472,7 @@ impl BodyMap {
         // All flags are cleared: each body resets its own.
         self.relink
             .resize_with(self.bodies.len(), AtomicBool::default);
-        let far = self.rules.isolated.is_some() || self.rules.interpolated;
+        let far = self.rules.narrow.is_some() || self.rules.interpolated;
         let reach = if far { 2 } else { 1 };
         let mut changes = std::mem::take(&mut self.changes);
         thread_pool::each_item(&mut changes, CHANGES_PER_THREAD, |_, change| {
@@ -492,7 +504,7 @@ impl BodyMap {
         let few = changes.len() < PER_THREAD;
         self.changes = changes;
         let mut links = std::mem::take(&mut self.links);
-        let link = |k: usize, links: &mut Vec<BodyLink>| {
+        let link = |k: usize, links: &mut BodyLinks| {
             let flag = &self.relink[k];
             if flag.load(Ordering::Relaxed) {
                 flag.store(false, Ordering::Relaxed);

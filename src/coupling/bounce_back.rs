@@ -23,6 +23,7 @@ use dem::space::Space;
 use lbm::boundary::Flux;
 use lbm::fluid::Fluid;
 use lbm::lanes::Stored;
+use lbm::links::gaps::BodyLinks;
 use lbm::links::{BODIES_PER_THREAD, Load, Rigid, Scheme, bounce};
 use std::marker::PhantomData;
 use std::sync::Arc;
@@ -274,7 +275,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
                 "rank {}: {} bodies on the lattice by {} links",
                 domain.rank(),
                 particles.len(),
-                self.map.links().iter().map(Vec::len).sum::<usize>()
+                self.map.links().iter().map(BodyLinks::count).sum::<usize>()
             );
             return Ok(());
         }

@@ -13,6 +13,7 @@ use base::units::LatticeUnits;
 use lbm::fluid::Fluid;
 use lbm::lanes::Stored;
 use lbm::links::fixed::{FixedLink, bounce_fixed};
+use lbm::links::gaps::Gaps;
 use lbm::links::mirrored::{MirroredLink, bounce_mirrored};
 use lbm::links::{BodyLink, Load, Rigid, Scheme};
 use lbm::populations::Populations;
@@ -538,13 +539,13 @@ impl StructureMap {
                 }),
                 direction: number(acts.unwrap_or(0)),
                 loads: true,
-                moves: false,
                 backed: interpolates,
             };
             let (links, places) = &mut lists[cut.structure];
             links.push(MirroredLink {
                 half,
                 leaves: number(cut.direction),
+                gap: None,
                 kappa: Some(if interpolates { kappa } else { 0.0 }),
             });
             let place = |cell| u32::try_from(self.position(cell)).unwrap_or(u32::MAX);
@@ -559,15 +560,15 @@ impl StructureMap {
 
     /// Reflects populations on the links through planes of symmetry and adds their loads.
     fn bounce_at_planes<S: Stored>(&mut self, populations: &mut Populations<S>) {
-        let still = Rigid::default();
+        let (still, gaps) = (Rigid::default(), &Gaps::default());
         let mut planes = [0; 3];
         for ((links, _), sum) in self.mirrored.iter().zip(&mut self.loads) {
             let mut load: Load = [0; 6];
             let scheme = Scheme::HalfWay;
             if self.dimension == 2 {
-                bounce_mirrored::<S, 2>(populations, scheme, links, &still, &[], &mut load);
+                bounce_mirrored::<S, 2>(populations, scheme, links, gaps, &still, &[], &mut load);
             } else {
-                bounce_mirrored::<S, 3>(populations, scheme, links, &still, &[], &mut load);
+                bounce_mirrored::<S, 3>(populations, scheme, links, gaps, &still, &[], &mut load);
             }
             for a in 0..6 {
                 sum[a] += load[a];

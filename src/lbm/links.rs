@@ -9,6 +9,8 @@
 //! This only exchanges the two numbers of the link and conserves the mass of the whole lattice up to rounding. u_w
 //! is the velocity of the body's surface at the midpoint of the link. The body receives 2 f*_i - T along c_i.
 //!
+//! In a narrow gap between bodies all links of a cell have one velocity ([`gaps`]).
+//!
 //! The interpolated scheme computes the outer half by the central linear interpolation of Ginzburg, Verhaeghe and
 //! d'Humières 2008 ("CLI"). It is of second order for a surface at any fraction q of the link, measured from x:
 //!
@@ -21,6 +23,7 @@
 //! affect them.
 
 pub mod fixed;
+pub mod gaps;
 pub mod mirrored;
 
 pub use super::rigid::Rigid;
@@ -30,6 +33,7 @@ use super::populations::{Link, Parity, Populations};
 use super::quanta::quanta;
 pub(crate) use super::rigid::surface_velocity;
 use base::thread_pool;
+use gaps::{BodyLinks, GapLink};
 
 /// Positions of the two numbers of a link, and the point at which it crosses the surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,10 +46,14 @@ pub struct BodyLink {
     pub direction: u8,
     /// `true` if the outer cell is a fluid cell of this slab, so that the link contributes to the load.
     pub loads: bool,
-    /// `true` if the wall velocity is used (not in narrow gaps).
-    pub moves: bool,
     /// `true` if the cell behind the outer one is fluid.
     pub backed: bool,
+}
+
+impl AsRef<Self> for BodyLink {
+    fn as_ref(&self) -> &Self {
+        self
+    }
 }
 
 /// Half-space `normal . x <= offset` of a convex polyhedron, in cells.
@@ -153,7 +161,7 @@ fn prefetch<S>(numbers: *const S, at: usize) {
 pub fn bounce<'a, S: Stored, const D: usize>(
     populations: &mut Populations<S>,
     scheme: Scheme,
-    links: &[Vec<BodyLink>],
+    links: &[BodyLinks],
     motion: &[Rigid],
     faces: impl Fn(usize) -> &'a [CellPlane] + Sync,
     loads: &mut [Load],
@@ -172,18 +180,38 @@ pub fn bounce<'a, S: Stored, const D: usize>(
             table: &table,
             motion,
         };
+        let own = |r| surface_velocity::<D>(motion, r);
+        let (open, narrow, gaps) = (&links.open, &links.narrow, &links.gaps);
+        let in_gap = |gap| move |_| gaps.velocity(gap);
+        let ball = |d, c| into_ball::<D>(d, c, motion.radius);
+        let block = |d, c| into_block(d, c, motion.position, faces);
         // SAFETY: positions made by `Populations::link` lie in the array; see `Numbers` for the absence of races.
         unsafe {
             match scheme {
-                Scheme::HalfWay => walk(links, &all, |link| half_way::<S, D>(&all, link, &mut sum)),
-                Scheme::Interpolated if faces.is_empty() => walk(links, &all, |link| {
-                    let ball = |d, c| into_ball::<D>(d, c, motion.radius);
-                    interpolated::<S, D>(&all, link, &mut sum, ball);
-                }),
-                Scheme::Interpolated => walk(links, &all, |link| {
-                    let block = |d, c| into_block(d, c, motion.position, faces);
-                    interpolated::<S, D>(&all, link, &mut sum, block);
-                }),
+                Scheme::HalfWay => {
+                    walk(open, &all, |link| {
+                        half_way::<S, D>(&all, link, own, &mut sum)
+                    });
+                    walk(narrow, &all, |GapLink { link, gap }| {
+                        half_way::<S, D>(&all, link, in_gap(*gap), &mut sum);
+                    });
+                }
+                Scheme::Interpolated if faces.is_empty() => {
+                    walk(open, &all, |link| {
+                        interpolated::<S, D>(&all, link, own, &mut sum, ball)
+                    });
+                    walk(narrow, &all, |GapLink { link, gap }| {
+                        interpolated::<S, D>(&all, link, in_gap(*gap), &mut sum, ball);
+                    });
+                }
+                Scheme::Interpolated => {
+                    walk(open, &all, |link| {
+                        interpolated::<S, D>(&all, link, own, &mut sum, block)
+                    });
+                    walk(narrow, &all, |GapLink { link, gap }| {
+                        interpolated::<S, D>(&all, link, in_gap(*gap), &mut sum, block);
+                    });
+                }
             }
         }
         *load = sum;
@@ -200,11 +228,12 @@ struct Along<'a, S> {
 
 /// Calls `each` with every link, after prefetching its numbers.
 #[inline(always)]
-fn walk<S>(links: &[BodyLink], all: &Along<S>, mut each: impl FnMut(&BodyLink)) {
+fn walk<S, L: AsRef<BodyLink>>(links: &[L], all: &Along<S>, mut each: impl FnMut(&L)) {
     for (n, link) in links.iter().enumerate() {
         if let Some(later) = links.get(n + AHEAD) {
-            prefetch(all.numbers, later.link.near as usize);
-            prefetch(all.numbers, later.link.far as usize);
+            let later = later.as_ref().link;
+            prefetch(all.numbers, later.near as usize);
+            prefetch(all.numbers, later.far as usize);
         }
         each(link);
     }
@@ -300,19 +329,21 @@ unsafe fn places<S: Stored>(all: &Along<S>, link: &BodyLink) -> (*mut S, *mut S)
     unsafe { (all.numbers.add(out), all.numbers.add(incoming)) }
 }
 
+/// Reflects half-way between the cells; `velocity` is that of the surface at a point about the centre of the body.
+///
 /// # Safety
 /// The numbers must be the array that the link's positions refer to, and no other thread may touch those two numbers.
 #[inline(always)]
-unsafe fn half_way<S: Stored, const D: usize>(all: &Along<S>, link: &BodyLink, load: &mut Load) {
+unsafe fn half_way<S: Stored, const D: usize>(
+    all: &Along<S>,
+    link: &BodyLink,
+    velocity: impl Fn([f64; 3]) -> [f64; 3],
+    load: &mut Load,
+) {
     let &Along { table, motion, .. } = all;
     let along = table.direction(link);
     let r: [f64; 3] = std::array::from_fn(|a| 0.5 * f64::from(link.middle[a]) - motion.position[a]);
-    let u = surface_velocity::<D>(motion, r);
-    let term = if link.moves {
-        along.six_weights * dot::<D>(along.c, u)
-    } else {
-        0.0
-    };
+    let term = along.six_weights * dot::<D>(along.c, velocity(r));
     // SAFETY: promised by the caller.
     let (outer, inner) = unsafe { places(all, link) };
     // SAFETY: as above.
@@ -334,13 +365,14 @@ unsafe fn half_way<S: Stored, const D: usize>(all: &Along<S>, link: &BodyLink, l
 unsafe fn interpolated<S: Stored, const D: usize>(
     all: &Along<S>,
     link: &BodyLink,
+    velocity: impl Fn([f64; 3]) -> [f64; 3],
     load: &mut Load,
     cut: impl Fn([f64; 3], [f64; 3]) -> f64,
 ) {
     if !(link.loads && link.backed) {
         // Links between bodies, into ghosts of the lattice, or out of gaps of one cell remain half-way. A link with
         // its outer cell in the neighbouring slab is interpolated there. SAFETY: promised by the caller.
-        unsafe { half_way::<S, D>(all, link, load) };
+        unsafe { half_way::<S, D>(all, link, velocity, load) };
         return;
     }
     let &Along {
@@ -355,10 +387,10 @@ unsafe fn interpolated<S: Stored, const D: usize>(
         std::array::from_fn(|a| 0.5 * f64::from(link.middle[a]) - 0.5 * c[a] - motion.position[a]);
     let q = cut(d, c).clamp(0.0, 1.0);
     let on_surface = std::array::from_fn(|a| d[a] + q * c[a]);
-    let wall = dot::<D>(c, surface_velocity::<D>(motion, on_surface));
+    let wall = dot::<D>(c, velocity(on_surface));
     let at_middle = std::array::from_fn(|a| d[a] + 0.5 * c[a]);
-    let middle = dot::<D>(c, surface_velocity::<D>(motion, at_middle));
-    let six_weights = if link.moves { along.six_weights } else { 0.0 };
+    let middle = dot::<D>(c, velocity(at_middle));
+    let six_weights = along.six_weights;
     let near = link.link.near as usize;
     let home = near.wrapping_add_signed(along.swap);
     let behind = near.wrapping_add_signed(along.behind);

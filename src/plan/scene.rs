@@ -601,6 +601,7 @@ fn check_agreement(case: &Case, findings: &mut Findings) {
             Remedy::take_out("remove the coupling", "coupling"),
         );
     }
+    check_narrow_gaps(case, findings);
     let polyhedra = has_polyhedra(case);
     check_covered_cells(case, findings);
     if polyhedra {
@@ -692,6 +693,28 @@ fn check_times(case: &Case, findings: &mut Findings) {
             "time.warm_up",
             "the warm-up needs a fluid, and there is none",
             Remedy::take_out("remove it", "time.warm_up"),
+        );
+    }
+}
+
+/// Reports two rules for the velocity of surfaces in narrow gaps.
+fn check_narrow_gaps(case: &Case, findings: &mut Findings) {
+    let Some(Coupling::BounceBack(links)) = &case.coupling else {
+        return;
+    };
+    let path = "coupling.bounce_back.drop_wall_velocity_at_solid_neighbours";
+    let mean = links.mean_wall_velocity_at_solid_neighbours;
+    if let (Some(limit), Some(mean)) = (links.drop_wall_velocity_at_solid_neighbours, mean)
+        && limit > 0
+        && mean > 0
+    {
+        findings.error(
+            path,
+            format!(
+                "surfaces in narrow gaps cannot be at rest (from {limit} solid neighbours) and have the mean velocity \
+                 of the bodies (`mean_wall_velocity_at_solid_neighbours` is {mean})"
+            ),
+            Remedy::take_out("remove this rule, or set the other to 0", path),
         );
     }
 }

@@ -2,9 +2,10 @@
 
 use base::units::LatticeUnits;
 use case::coupling::{
-    BounceBack as WrittenBounceBack, Coupling, Scheme as WrittenScheme, SolidFraction,
+    BounceBack as WrittenBounceBack, Coupling, GapVelocity as WrittenGapVelocity,
+    Scheme as WrittenScheme, SolidFraction,
 };
-use coupling::body_map::Rules;
+use coupling::body_map::{GapVelocity, NarrowGaps, Rules};
 use coupling::bounce_back::{self, BounceBack};
 use coupling::partially_saturated::{self, PartiallySaturated};
 use coupling::solid_fraction::FractionMethod;
@@ -110,9 +111,15 @@ fn links(plan: &Plan, written: &WrittenBounceBack) -> bounce_back::BounceBackSet
             hydraulic_radius_factor: written.hydraulic_radius_factor,
             first_grain: scene.first_grain(),
             interpolated: written.scheme == WrittenScheme::Interpolated,
-            isolated: written
-                .isolated(scene.grid.dimension)
-                .map(|limit| limit as usize),
+            narrow: written.narrow_gaps(scene.grid.dimension).map(
+                |(solid_neighbours, velocity)| NarrowGaps {
+                    solid_neighbours: solid_neighbours as usize,
+                    velocity: match velocity {
+                        WrittenGapVelocity::Mean => GapVelocity::Mean,
+                        WrittenGapVelocity::Zero => GapVelocity::Zero,
+                    },
+                },
+            ),
         },
         buoyancy: buoyancy(plan),
     }

@@ -8,6 +8,7 @@
 use super::links::Direction;
 use super::{BodyMap, Change, FLUID, GHOSTS, JOINT, OUTSIDE};
 use lbm::lanes::Stored;
+use lbm::links::gaps::BodyLinks;
 use lbm::links::mirrored::MirroredLink;
 use lbm::links::{BodyLink, Load, Rigid, Scheme, bounce};
 use lbm::populations::{Link, Populations};
@@ -40,7 +41,7 @@ pub(super) struct JointCells {
     /// Cells of the slab that closed or opened in the last update.
     moved: Vec<([usize; 3], CellChange)>,
     /// Links from closed cells to water.
-    links: [Vec<BodyLink>; 1],
+    links: [BodyLinks; 1],
     /// Halves of links through planes of symmetry.
     mirrored: Vec<MirroredLink>,
     /// Those of them whose cell of water is in the slab.
@@ -215,7 +216,7 @@ impl BodyMap {
                 if there == FLUID && needed && !self.cut(place, out) {
                     let outer_cell = cell.wrapping_add_signed(along.lattice_offset);
                     let link = populations.link(outer_cell, along.opposite);
-                    links[0].push(joint_link(link, along, counts));
+                    links[0].open.push(joint_link(link, along, counts));
                     if counts {
                         mouths.push(JointLink {
                             link,
@@ -273,7 +274,6 @@ fn joint_link(link: Link, along: &Direction, counts: bool) -> BodyLink {
         middle: [0; 3],
         direction: u8::try_from(along.opposite).unwrap_or(0),
         loads: counts,
-        moves: false,
         backed: false,
     }
 }

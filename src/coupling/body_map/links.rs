@@ -2,9 +2,10 @@
 
 use super::rows::Row;
 use super::slab::Slab;
-use super::{BodyMap, FLUID, JOINT, OUTSIDE, tag};
+use super::{BodyMap, FLUID, OUTSIDE, tag};
 use lbm::lanes::Stored;
 use lbm::links::BodyLink;
+use lbm::links::gaps::{BodyLinks, GapLink};
 use lbm::populations::Populations;
 use std::sync::atomic::Ordering;
 
@@ -83,7 +84,7 @@ impl BodyMap {
         &self,
         k: usize,
         populations: &Populations<S>,
-        links: &mut Vec<BodyLink>,
+        links: &mut BodyLinks,
     ) {
         let mine = tag(self.bodies[k].id);
         let frame = self.slab.frame(self.bodies[k].shift);
@@ -129,18 +130,7 @@ impl BodyMap {
                 let backed = (deep || self.slab.held(behind))
                     && (owner(outer_place, along).1 == FLUID || self.is_mirrored_water(behind))
                     && !self.cut(outer_place, out);
-                let moves = match self.rules.isolated {
-                    // A cell of a joint has no water of its own.
-                    _ if there == JOINT => false,
-                    None => true,
-                    Some(limit) => {
-                        let near = directions[1..].iter();
-                        near.filter(|near| owner(outer_place, near).1 != FLUID)
-                            .count()
-                            < limit
-                    }
-                };
-                links.push(BodyLink {
+                let link = BodyLink {
                     link: populations.link(
                         cell.wrapping_add_signed(along.lattice_offset),
                         along.opposite,
@@ -154,9 +144,12 @@ impl BodyMap {
                     }),
                     direction: u8::try_from(along.opposite).unwrap_or(0),
                     loads: mine_to_do && !between,
-                    moves,
                     backed,
-                });
+                };
+                match self.gap_at(outer, outer_place, [1.0; 3], &mut links.gaps) {
+                    Some(gap) => links.narrow.push(GapLink { link, gap }),
+                    None => links.open.push(link),
+                }
             }
         }
     }

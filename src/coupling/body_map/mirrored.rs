@@ -3,6 +3,7 @@
 use super::rows::Row;
 use super::{BodyMap, FLUID, OUTSIDE, tag};
 use lbm::lanes::Stored;
+use lbm::links::gaps::Gaps;
 use lbm::links::mirrored::{MirroredLink, bounce_mirrored};
 use lbm::links::{BodyLink, Load, Rigid, Scheme};
 use lbm::populations::Populations;
@@ -24,12 +25,14 @@ impl BodyMap {
         if !self.slab.mirrors() {
             return;
         }
-        let mut found = Vec::new();
+        let (mut found, mut gaps) = (Vec::new(), Gaps::default());
         for k in 0..self.bodies.len() {
             if self.relink[k].load(Ordering::Relaxed) {
                 found.clear();
-                self.mirror(k, populations, &mut found);
+                gaps.clear();
+                self.mirror(k, populations, &mut found, &mut gaps);
                 std::mem::swap(&mut self.bodies[k].mirrored, &mut found);
+                std::mem::swap(&mut self.bodies[k].mirrored_gaps, &mut gaps);
             }
         }
     }
@@ -40,6 +43,7 @@ impl BodyMap {
         k: usize,
         populations: &Populations<S>,
         found: &mut Vec<MirroredLink>,
+        gaps: &mut Gaps,
     ) {
         let body = &self.bodies[k];
         let (mine, rows) = (tag(body.id), &body.rows);
@@ -53,8 +57,12 @@ impl BodyMap {
                     if through.there == mine || !near.iter().any(|cell| self.slab.interior(*cell)) {
                         return;
                     }
-                    let moves = through.there == FLUID && self.is_open(through.outer);
-                    found.extend(self.halves(&through, frame, moves, populations));
+                    let outer = through.outer;
+                    let beyond: [i32; 3] = self.beyond(&through);
+                    let sign = |a: usize| if beyond[a] == outer[a] { 1.0 } else { -1.0 };
+                    let place = self.slab.layout_index(outer);
+                    let gap = self.gap_at(outer, place, std::array::from_fn(sign), gaps);
+                    found.extend(self.halves(&through, frame, gap, populations));
                 });
             }
         }
@@ -74,7 +82,7 @@ impl BodyMap {
         for &(_, inner) in closed {
             self.through(inner, |through| {
                 if through.there == FLUID {
-                    let halves = self.halves(&through, [0; 3], false, populations);
+                    let halves = self.halves(&through, [0; 3], None, populations);
                     found.extend(halves.map(|link| MirroredLink {
                         half: BodyLink {
                             loads: false,
@@ -115,14 +123,9 @@ impl BodyMap {
             .is_some_and(|at| self.slab.held(at) && self.owner[self.slab.layout_index(at)] == FLUID)
     }
 
-    /// Returns `true` if the surface moves the water of a cell: it has fewer solid neighbours than a narrow gap.
-    fn is_open(&self, cell: [i32; 3]) -> bool {
-        let place = self.slab.layout_index(cell);
-        self.rules.isolated.is_none_or(|limit| {
-            let near = self.directions[1..].iter();
-            let near = near.map(|along| self.owner[place.wrapping_add_signed(along.map_offset)]);
-            near.filter(|owner| *owner != FLUID).count() < limit
-        })
+    /// Returns the cell beyond the planes in which a link ends.
+    fn beyond(&self, through: &Through) -> [i32; 3] {
+        std::array::from_fn(|a| through.inner[a] + self.directions[through.out].c[a])
     }
 
     /// Returns the halves of a link at cells of the slab: inside the body, and outside if the other end is water.
@@ -130,7 +133,7 @@ impl BodyMap {
         &self,
         through: &Through,
         frame: [i32; 3],
-        moves: bool,
+        gap: Option<u32>,
         populations: &Populations<S>,
     ) -> impl Iterator<Item = MirroredLink> + use<S> {
         let along = &self.directions[through.out];
@@ -150,10 +153,10 @@ impl BodyMap {
                 middle,
                 direction: number(through.out),
                 loads: false,
-                moves,
                 backed: false,
             },
             leaves: number(through.out),
+            gap,
             kappa: None,
         });
         // The direction from the outer cell through the plane: the image of that into the body.
@@ -173,13 +176,13 @@ impl BodyMap {
                     middle,
                     direction: number(along.opposite),
                     loads: true,
-                    moves,
                     backed: self.slab.held(behind)
                         && (self.owner[self.slab.layout_index(behind)] == FLUID
                             || self.is_mirrored_water(behind))
                         && !self.cut(place, back),
                 },
                 leaves: number(leaves),
+                gap,
                 kappa: None,
             }
         });
@@ -202,12 +205,13 @@ impl BodyMap {
             if body.mirrored.is_empty() {
                 continue;
             }
-            let (links, motion, faces) = (&body.mirrored, &self.motion[k], self.faces(k));
+            let (links, gaps) = (&body.mirrored, &body.mirrored_gaps);
+            let (motion, faces) = (&self.motion[k], self.faces(k));
             let mut load: Load = [0; 6];
             if self.slab.dimension == 2 {
-                bounce_mirrored::<S, 2>(populations, scheme, links, motion, faces, &mut load);
+                bounce_mirrored::<S, 2>(populations, scheme, links, gaps, motion, faces, &mut load);
             } else {
-                bounce_mirrored::<S, 3>(populations, scheme, links, motion, faces, &mut load);
+                bounce_mirrored::<S, 3>(populations, scheme, links, gaps, motion, faces, &mut load);
             }
             for a in 0..6 {
                 loads[k][a] += load[a];
@@ -216,12 +220,32 @@ impl BodyMap {
                 planes[a] -= load[a];
             }
         }
-        let (links, still) = (self.mirrored_joint_links(), Rigid::default());
+        let (links, gaps, still) = (
+            self.mirrored_joint_links(),
+            &Gaps::default(),
+            Rigid::default(),
+        );
         let mut none: Load = [0; 6];
         if self.slab.dimension == 2 {
-            bounce_mirrored::<S, 2>(populations, Scheme::HalfWay, links, &still, &[], &mut none);
+            bounce_mirrored::<S, 2>(
+                populations,
+                Scheme::HalfWay,
+                links,
+                gaps,
+                &still,
+                &[],
+                &mut none,
+            );
         } else {
-            bounce_mirrored::<S, 3>(populations, Scheme::HalfWay, links, &still, &[], &mut none);
+            bounce_mirrored::<S, 3>(
+                populations,
+                Scheme::HalfWay,
+                links,
+                gaps,
+                &still,
+                &[],
+                &mut none,
+            );
         }
         Some(planes)
     }

@@ -6,7 +6,7 @@ use super::{BodyMap, Change, FLUID, Mapped, OUTSIDE, RemapRequest, tag};
 use base::thread_pool;
 use dem::particles::Particles;
 use dem::space::Space;
-use lbm::links::BodyLink;
+use lbm::links::gaps::BodyLinks;
 use std::collections::HashMap;
 use std::ops::Range;
 
@@ -45,7 +45,7 @@ impl BodyMap {
     /// Assigns to each entry of the particles the map of the same body and image, and clears the maps of bodies
     /// that are gone.
     pub(super) fn assign_maps<Sp: Space>(&mut self, particles: &Particles<Sp>) {
-        let mut old: HashMap<(u64, [i32; 3]), (Mapped, Vec<BodyLink>)> = self
+        let mut old: HashMap<(u64, [i32; 3]), (Mapped, BodyLinks)> = self
             .bodies
             .drain(..)
             .zip(self.links.drain(..))
@@ -61,7 +61,7 @@ impl BodyMap {
                     slack: -1.0,
                     ..Mapped::default()
                 };
-                (fresh, Vec::new())
+                (fresh, BodyLinks::default())
             });
             bodies.push(mapped);
             links.push(list);

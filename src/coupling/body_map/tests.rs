@@ -21,7 +21,10 @@ fn new_map(populations: &Populations<f64>) -> BodyMap {
     let rules = Rules {
         hydraulic_radius_factor: 0.8,
         first_grain: 3,
-        isolated: Some(3),
+        narrow: Some(NarrowGaps {
+            solid_neighbours: 3,
+            velocity: GapVelocity::Mean,
+        }),
         interpolated: true,
     };
     BodyMap::new(populations, grid, rules)

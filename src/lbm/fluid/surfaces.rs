@@ -3,8 +3,9 @@
 
 use super::{Fluid, planes_of};
 use crate::lanes::Stored;
+use crate::links::Rigid;
 use crate::links::fixed::FixedLink;
-use crate::links::{BodyLink, Rigid, surface_velocity};
+use crate::links::gaps::BodyLinks;
 use crate::populations::Populations;
 use crate::turbulence::field::BodyWall;
 
@@ -87,7 +88,7 @@ impl<S: Stored> Fluid<S> {
     }
 
     /// Registers links for the velocity gradients of the eddy viscosity: the links and the motion of each body.
-    pub fn record_links<const D: usize>(&mut self, links: &[Vec<BodyLink>], motion: &[Rigid]) {
+    pub fn record_links<const D: usize>(&mut self, links: &[BodyLinks], motion: &[Rigid]) {
         let Some(field) = &mut self.field else {
             return;
         };
@@ -97,7 +98,8 @@ impl<S: Stored> Fluid<S> {
         field.find_walls(|thread, threads, found| {
             let bodies = planes_of(&(0..links.len().min(motion.len())), threads, thread);
             for (links, motion) in links[bodies.clone()].iter().zip(&motion[bodies]) {
-                for link in links.iter().filter(|link| link.loads) {
+                let all = links.with_velocities::<D>(motion);
+                for (link, velocity) in all.filter(|(link, _)| link.loads) {
                     let direction = usize::from(link.direction);
                     let c = velocities.c[direction];
                     let mut along = (0..D).filter(|a| c[*a] != 0);
@@ -105,19 +107,11 @@ impl<S: Stored> Fluid<S> {
                         continue;
                     };
                     let back = velocities.opposite[direction];
-                    let mut arm = [0.0; 3];
-                    for a in 0..D {
-                        arm[a] = 0.5 * f64::from(link.middle[a]) - motion.position[a];
-                    }
                     found.push(BodyWall {
                         cell: link.link.near as usize - populations.slot(0, back),
                         side: (axis, c[axis] > 0),
                         distance: 0.5,
-                        velocity: if link.moves {
-                            surface_velocity::<D>(motion, arm)
-                        } else {
-                            [0.0; 3]
-                        },
+                        velocity,
                     });
                 }
             }

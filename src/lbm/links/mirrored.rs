@@ -11,6 +11,7 @@
 //! image of x along -e: all loads on a body at a plane are those on its half in a domain of twice the size. Each half
 //! of a link is listed where its cell is in the slab.
 
+use super::gaps::Gaps;
 use super::{
     Along, BodyLink, CellPlane, Load, Numbers, Parity, Rigid, Scheme, Table, add_along, dot,
     into_ball, into_block, surface_velocity,
@@ -27,11 +28,14 @@ pub struct MirroredLink {
     pub half: BodyLink,
     /// Direction from the cell through the plane.
     pub leaves: u8,
+    /// Index of the narrow gap whose velocity the surface has; none for that of the body.
+    pub gap: Option<u32>,
     /// Coefficient κ of a stationary surface, 0 for half-way bounce-back; none for a body that may move.
     pub kappa: Option<f64>,
 }
 
-/// Applies bounce-back on the halves of a body and adds its load; `faces` are those of a polyhedron.
+/// Applies bounce-back on the halves of a body and adds its load; `gaps` are those of the halves, and `faces` those of
+/// a polyhedron.
 ///
 /// # Panics
 /// Never: positions come from [`Populations::link`] of the same lattice.
@@ -39,6 +43,7 @@ pub fn bounce_mirrored<S: Stored, const D: usize>(
     populations: &mut Populations<S>,
     scheme: Scheme,
     links: &[MirroredLink],
+    gaps: &Gaps,
     motion: &Rigid,
     faces: &[CellPlane],
     load: &mut Load,
@@ -54,7 +59,7 @@ pub fn bounce_mirrored<S: Stored, const D: usize>(
     };
     for link in links {
         // SAFETY: positions made by `Populations::link` lie in the array, and no other thread uses it.
-        unsafe { one::<S, D>(&all, scheme, link, faces, load) };
+        unsafe { one::<S, D>(&all, scheme, link, gaps, faces, load) };
     }
 }
 
@@ -64,6 +69,7 @@ unsafe fn one<S: Stored, const D: usize>(
     all: &Along<S>,
     scheme: Scheme,
     link: &MirroredLink,
+    gaps: &Gaps,
     faces: &[CellPlane],
     load: &mut Load,
 ) {
@@ -72,10 +78,13 @@ unsafe fn one<S: Stored, const D: usize>(
     // SAFETY: promised by the caller.
     let read = |at: usize| unsafe { all.numbers.add(at).read().to_f64() };
     let leaves = read(half.link.out(all.parity));
-    let six_weights = if half.moves { along.six_weights } else { 0.0 };
+    let six_weights = along.six_weights;
     let middle: [f64; 3] =
         std::array::from_fn(|a| 0.5 * f64::from(half.middle[a]) - motion.position[a]);
-    let wall = |at: [f64; 3]| dot::<D>(along.c, surface_velocity::<D>(motion, at));
+    let wall = |at: [f64; 3]| {
+        let own = || surface_velocity::<D>(motion, at);
+        dot::<D>(along.c, link.gap.map_or_else(own, |gap| gaps.velocity(gap)))
+    };
     let own = &all.table.0[usize::from(link.leaves % 32)];
     // f_i(x, t+1) - f*_ī(x), between the cell and that behind it.
     let difference = || {

@@ -256,7 +256,7 @@ fn traction_by_momentum_exchange_agrees_with_the_velocity_gradient() {
             interpolated: false,
             hydraulic_radius_factor: 0.8,
             first_grain: 0,
-            isolated: None,
+            narrow: None,
         },
         buoyancy: [0.0; 3],
     };

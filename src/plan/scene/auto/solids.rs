@@ -51,7 +51,7 @@ pub(crate) fn coupling(case: &Case) -> (Coupling, &'static str) {
     let narrow = case.grains.is_some() && case.domain.size.0.len() == 2;
     let links = BounceBack {
         scheme: Scheme::Interpolated,
-        drop_wall_velocity_at_solid_neighbours: (!narrow).then_some(0),
+        mean_wall_velocity_at_solid_neighbours: (!narrow).then_some(0),
         ..BounceBack::default()
     };
     let reason = "discs and spheres: this coupling has the smallest error at every number of cells";
