@@ -59,7 +59,7 @@ CHAPTERS = [
     (
         "Coupling by links",
         ["coupling", "scheme"],
-        ["lbm/links.rs", "coupling/bounce_back.rs", "coupling/body_map.rs", "coupling/structure_map.rs"],
+        ["lbm/links.rs", "lbm/links/gaps.rs", "coupling/bounce_back.rs", "coupling/body_map.rs", "coupling/structure_map.rs"],
     ),
     (
         "Partially saturated cells",
