@@ -38,11 +38,11 @@ pub struct BounceBack {
     /// permeable.
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub hydraulic_radius_factor: f64,
-    /// Surfaces around a fluid node with at least this many solid neighbours reflect with the mean velocity of the
-    /// bodies around it, and at rest next to walls and structures: such a node, in a narrow gap, gains no mass from
-    /// bodies that approach each other. 0 turns this off. Default: 5 of the 8 neighbours in 2-D; off in 3-D, where a
-    /// flat surface alone accounts for 5 of 18 or 9 of 26, and where `drop_wall_velocity_at_solid_neighbours` is
-    /// given.
+    /// Surfaces around a fluid node with at least this many solid neighbours, two more if walls or structures are among
+    /// them, reflect with the mean velocity of the bodies around it, or that of the wall or structure: such a node,
+    /// in a narrow gap, gains no mass from bodies that approach each other. 0 turns this off. Default: 6 of the 8
+    /// neighbours in 2-D; off in 3-D, where a flat surface alone accounts for 5 of 18 or 9 of 26, and where
+    /// `drop_wall_velocity_at_solid_neighbours` is given.
     #[schemars(range(min = 0, max = 26))]
     pub mean_wall_velocity_at_solid_neighbours: Option<u32>,
     /// The rule of Sibille, Lomine and Marot (2012) instead: such surfaces count as stationary. Bodies that move
@@ -66,7 +66,7 @@ impl BounceBack {
     /// there; none if surfaces always reflect with their own velocity.
     #[must_use]
     pub fn narrow_gaps(&self, dimension: usize) -> Option<(u32, GapVelocity)> {
-        let usual = if dimension == 2 { 5 } else { 0 };
+        let usual = if dimension == 2 { 6 } else { 0 };
         let mean = self.mean_wall_velocity_at_solid_neighbours;
         let (limit, velocity) = match self.drop_wall_velocity_at_solid_neighbours {
             Some(limit) if mean.unwrap_or(0) == 0 => (limit, GapVelocity::Zero),

@@ -25,7 +25,7 @@ use dem::space::{Components, Space};
 pub use gaps::{GapVelocity, NarrowGaps};
 use joint_cells::JointCells;
 pub use joint_cells::{CellChange, JointLink};
-use lbm::boundary::SolidPart;
+use lbm::boundary::{FacePart, SolidPart};
 use lbm::fluid::Fluid;
 use lbm::lanes::Stored;
 use lbm::links::gaps::{BodyLinks, Gaps};
@@ -197,6 +197,8 @@ pub struct BodyMap {
     /// Links between two fluid cells that sheets cut: index of the cell, and direction.
     sheets: HashSet<(usize, u8)>,
     joint_cells: JointCells,
+    /// Parts of the faces of the domain.
+    faces: Vec<FacePart>,
 }
 
 /// Body that is mapped again.
@@ -258,6 +260,7 @@ impl BodyMap {
             rows_below: Vec::new(),
             sheets: HashSet::new(),
             joint_cells: JointCells::default(),
+            faces: Vec::new(),
         }
     }
 

@@ -265,6 +265,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
         self.map
             .refresh(particles, velocity, spin)
             .map_err(Error::Internal)?;
+        self.map.set_faces(self.fluid.face_parts());
         if self.fresh {
             self.fresh = false;
             self.map

@@ -182,10 +182,36 @@ impl<S: Stored> Patch<S> {
     }
 
     fn holds(&self, position: [f64; 3]) -> bool {
-        (0..3).all(|a| {
-            a == self.axis || (self.range[a][0] <= position[a] && position[a] < self.range[a][1])
-        })
+        contains(&self.range, self.axis, position)
     }
+}
+
+/// Part of a face of the domain, as solids next to it meet it. Later parts take precedence.
+#[derive(Clone, Debug)]
+pub struct FacePart {
+    /// Axis of the face normal.
+    pub axis: usize,
+    /// `true` if the face is at the upper end of the axis.
+    pub upper: bool,
+    /// Corners of the part in cells (the components along the axis are not used).
+    range: [[f64; 2]; 3],
+    /// Surface of the part.
+    pub surface: SurfaceKind,
+    /// Velocity of a moving wall \[cells per step\]; zero for others.
+    pub velocity: [f64; 3],
+}
+
+impl FacePart {
+    /// Returns `true` if the part contains a point, in cells.
+    #[must_use]
+    pub fn holds(&self, position: [f64; 3]) -> bool {
+        contains(&self.range, self.axis, position)
+    }
+}
+
+/// Returns `true` if the range of a part of a face contains a point.
+fn contains(range: &[[f64; 2]; 3], axis: usize, position: [f64; 3]) -> bool {
+    (0..3).all(|a| a == axis || (range[a][0] <= position[a] && position[a] < range[a][1]))
 }
 
 /// Returns the last patch that contains a position on a face; `None` if only the default wall contains it.
@@ -526,6 +552,23 @@ impl<S: Stored> Boundaries<S> {
     /// Returns the number of patches.
     pub(crate) fn count(&self) -> usize {
         self.patches.len()
+    }
+
+    /// Returns the parts of the faces of the domain, with the velocities of walls at a step.
+    pub fn face_parts(&self, step: f64) -> impl Iterator<Item = FacePart> + '_ {
+        self.patches.iter().map(move |patch| {
+            let surface = patch.rule.kind().surface;
+            let moves = surface == SurfaceKind::MovingWall;
+            let velocity = patch.rule.velocity([0.0; 3]).filter(|_| moves);
+            let factor = patch.rule.factor(step);
+            FacePart {
+                axis: patch.axis,
+                upper: patch.upper,
+                range: patch.range,
+                surface,
+                velocity: velocity.unwrap_or_default().map(|u| factor * u),
+            }
+        })
     }
 
     /// Returns `true` for each end of an axis whose last patch is a symmetry plane over the whole face.

@@ -14,7 +14,7 @@ pub use force::Force;
 pub use on_gpu::kernel_exists as kernel_exists_on_gpu;
 
 use super::block::RowBlock;
-use super::boundary::{Boundaries, Frame, Patch, SolidPart};
+use super::boundary::{Boundaries, FacePart, Frame, Patch, SolidPart};
 use super::collision::Operator;
 use super::collision::trt::AntisymmetricRate;
 use super::error::FluidError;
@@ -769,6 +769,11 @@ impl<S: Stored> Fluid<S> {
             }
         }
         planes
+    }
+
+    /// Returns the parts of the faces of the domain, with the velocities of walls in the next step.
+    pub fn face_parts(&self) -> impl Iterator<Item = FacePart> + '_ {
+        self.boundaries.face_parts((self.step + 1) as f64)
     }
 
     /// Returns the axes from slowest to fastest in memory if the slabs are cut across the longest axis. It is a

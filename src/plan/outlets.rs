@@ -1,13 +1,13 @@
-//! Outlets that a moving body can cover while an imposed inflow continues.
+//! Outlets that a body can cover while an imposed inflow continues.
 //!
 //! Water that enters with an imposed velocity leaves through the openings whose flow is free. Where a body covers a
 //! part of them, the inflow Q passes through the rest of their area, U = Q/(A - a), and the density grows until this
 //! flow is established. A body at least as wide as the only outlet leaves no rest: the mass of the water then grows at
 //! every step. A disc covers its width of an opening at most, a sphere or block the area of its section.
 //!
-//! A driven body covers what its path meets, which is unstable. Where a free body goes is not known before the run: it
-//! may reach an outlet towards which water and weight carry it fast enough, and the plan warns. The water that does not
-//! leave must fill the domain to the limit of the density before the run ends.
+//! A fixed body covers what it meets, a driven body what its path meets, which is unstable. Where a free body goes is
+//! not known before the run: it may reach an outlet towards which water and weight carry it fast enough, and the plan
+//! warns. The water that does not leave must fill the domain to the limit of the density before the run ends.
 
 use crate::driven_path;
 use crate::scene::Scene;
@@ -19,6 +19,9 @@ use crate::scene::speed::{imposed_on_fluid, settling};
 use lbm::boundary::Inflow;
 use std::f64::consts::PI;
 
+/// Width of a jet over that of the gap between sharp edges from which it issues (Kirchhoff): the water contracts beyond
+/// a body that stays at an outlet.
+const CONTRACTION: f64 = 0.61;
 /// Number of positions on the path of a driven body.
 const POSITIONS: u32 = 64;
 
@@ -48,14 +51,18 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
     for (n, body) in scene.bodies.iter().enumerate() {
         for outlet in &outlets {
             let [covered, time] = match body.mobility {
-                Mobility::Fixed => continue,
-                Mobility::Driven => [covered_on_path(scene, outlet, body), scene.time.end],
+                Mobility::Fixed | Mobility::Driven => {
+                    [covered_on_path(scene, outlet, body), scene.time.end]
+                }
                 Mobility::Free => [
                     most_covered(scene, outlet, body),
                     time_at_outlet(scene, flow, outlet, body),
                 ],
             };
-            let rest = (area - covered).max(0.0);
+            let mut rest = (area - covered).max(0.0);
+            if body.mobility == Mobility::Fixed {
+                rest *= CONTRACTION;
+            }
             // What does not leave fills the domain.
             let filled = (inflow - fastest * rest).max(0.0) * time.max(0.0) / water;
             if covered > 0.0 && filled > scene.guards.max_compression {
@@ -81,18 +88,24 @@ fn report(
     } else {
         "has no other way out, so that its mass grows".into()
     };
-    let path = format!("bodies[{n}].motion");
+    let fixed = body.mobility == Mobility::Fixed;
+    let path = format!("bodies[{n}].{}", if fixed { "position" } else { "motion" });
+    let covers = if fixed {
+        "covers"
+    } else {
+        "can reach and cover"
+    };
     let reason = format!(
-        "the body `{}` can reach the outlet `{}` and cover {} of its {} cells; the water that enters then {rest}, and \
+        "the body `{}` {covers} {} of the {} cells of the outlet `{}`; the water that enters then {rest}, and \
          guards.max_lattice_velocity or guards.max_compression ends the run",
         body.name,
-        outlet.name,
         number(covered),
-        number(area)
+        number(area),
+        outlet.name
     );
     let remedy =
         "use an outlet that is wider than the body, add another one, or keep the body away from it";
-    if body.mobility == Mobility::Driven {
+    if body.mobility != Mobility::Free {
         findings.unstable(&path, reason, remedy);
     } else {
         // Other bodies leave with the water, or go elsewhere.
@@ -134,7 +147,7 @@ fn covered(
     }
 }
 
-/// Returns the largest area of an outlet that a driven body covers on its path \[cells\].
+/// Returns the largest area of an outlet that a body covers on its path \[cells\]; a fixed body stays.
 fn covered_on_path(scene: &Scene, outlet: &ScenePatch, body: &NamedBody) -> f64 {
     let (axis, radius) = (outlet.face.axis(), 0.5 * width(body));
     let face = if outlet.face.is_max() {
@@ -213,7 +226,7 @@ mod tests {
                         "ramp_time": 1}}},
                     {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}},
                      "patch": {"from": [0, outlet[0]], "to": [0.04, outlet[1]]}}]}},
-            "bodies": [{"name": "disc", "shape": {"disc": {"radius": 0.004}}, "position": [0.03, 0.01],
+            "bodies": [{"name": "disc", "shape": {"disc": {"radius": 0.004}}, "position": [if motion.get("fixed").is_some() { 0.04 } else { 0.03 }, 0.01],
                         "motion": motion, "material": "glass"}],
             "coupling": {"partially_saturated": {}},
             "contact": {"linear": {"friction_angle_degrees": 20, "normal_damping_ratio": 0.3}},
@@ -223,8 +236,8 @@ mod tests {
         let plan = Plan::prepare(document).unwrap();
         let of_outlet = |p: &&base::error::Problem| p.reason.contains("the outlet `out`");
         let found = plan.warnings.iter().find(of_outlet)?;
-        let driven = motion.get("driven").is_some();
-        let severity = if driven {
+        let free = motion.get("free").is_some();
+        let severity = if !free {
             Severity::Unstable
         } else {
             Severity::Warning
@@ -238,18 +251,26 @@ mod tests {
         let free = json!({"free": {}});
         let narrow = finding(&free, [0.006, 0.014], 0.0).unwrap();
         assert!(
-            narrow.contains("`disc`") && narrow.contains("cover 8 of its 8 cells"),
+            narrow.contains("`disc`") && narrow.contains("cover 8 of the 8 cells"),
             "{narrow}"
         );
         assert!(narrow.contains("no other way out"), "{narrow}");
         // Two cells remain, through which the inflow of 0.4 cells² per step passes at a lattice velocity of 0.2.
         assert_eq!(finding(&free, [0.005, 0.015], 0.0), None);
         let one = finding(&free, [0.005, 0.014], 0.0).unwrap();
-        assert!(one.contains("cover 8 of its 9 cells"), "{one}");
+        assert!(one.contains("cover 8 of the 9 cells"), "{one}");
         assert_eq!(finding(&free, [0.0, 0.02], 0.0), None);
         // A heavy disc that falls away from the outlet does not reach it.
         assert_eq!(finding(&free, [0.006, 0.014], -9.81), None);
         assert!(finding(&free, [0.006, 0.014], 9.81).is_some());
+    }
+
+    #[test]
+    fn a_fixed_body_at_the_outlet_is_unstable() {
+        let fixed = json!({"fixed": {}});
+        let narrow = finding(&fixed, [0.005, 0.014], 0.0).unwrap();
+        assert!(narrow.contains("covers 8 of the 9 cells"), "{narrow}");
+        assert_eq!(finding(&fixed, [0.0, 0.02], 0.0), None);
     }
 
     #[test]

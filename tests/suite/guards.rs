@@ -506,6 +506,26 @@ fn touching_discs_that_move_with_their_water_do_not_disturb_it() {
     }
 }
 
+/// Checks a disc that moves along a wall with the velocity of the wall and of the water.
+#[test]
+fn a_disc_at_a_wall_that_moves_with_it_does_not_disturb_the_water() {
+    let disturbed = |gaps: &Value| {
+        let velocity = [0.03, 0.0];
+        let mut case = pair("half_way", [velocity; 2], velocity, gaps);
+        case["domain"]["periodic"] = json!(["x"]);
+        let wall = |face: &str| json!({"name": face, "face": face, "condition": {"moving_wall": {"velocity": velocity}}});
+        case["fluid"]["lattice_boltzmann"]["boundaries"] = json!([wall("y_min"), wall("y_max")]);
+        case["bodies"][0]["position"] = json!([0.002, 4.4e-4]);
+        case["bodies"][1]["position"] = json!([0.004, 0.00255]);
+        ran(0, &case, &[]).number("compression")
+    };
+    let with = disturbed(&json!({}));
+    let at_rest = disturbed(&json!({"drop_wall_velocity_at_solid_neighbours": 5}));
+    println!("compression {with:.1e}, with surfaces at rest {at_rest:.1e}");
+    assert!(with < 1e-9, "{with}");
+    assert!(at_rest > 1e-3, "{at_rest}");
+}
+
 /// Checks failing water that ejects a body within a step: the message reports the water, and proposes no wall.
 #[test]
 fn water_that_throws_a_body_out_is_what_failed() {
@@ -624,7 +644,7 @@ fn an_outlet_that_a_body_covers_is_named() {
     for ranks in [0, 2] {
         let said = ran(ranks, &case, &[]).done.expect(4).stderr;
         for words in [
-            "the body `disc` can reach the outlet `out` and cover 8 of its 8 cells",
+            "the body `disc` can reach and cover 8 of the 8 cells of the outlet `out`",
             "bodies cover 8 of 8 cells of `out`: the water that enters cannot leave there, so that its mass and \
              density grow",
         ] {

@@ -4,9 +4,10 @@
 //! all links of a cell therefore have the same velocity, with which no mass is added to an enclosed cell: the weights
 //! of all directions balance, `sum w_i c_i = 0`. It is the mean velocity at the cell of the bodies around it, each
 //! counted once for each of its cells next to this cell. Bodies that move together with their fluid exert no force
-//! on it: the rule is Galilean invariant. Next to a solid at rest the velocity is zero.
+//! on it: the rule is Galilean invariant. Next to a structure or a wall of the domain the velocity is theirs.
 
 use super::{BodyLink, Rigid, surface_velocity};
+use crate::boundary::FacePart;
 
 /// Body with cells next to a cell of a narrow gap.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,6 +31,8 @@ pub struct Neighbour {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Gap {
     cell: [i32; 3],
+    /// Part of a face of the domain whose velocity the gap has.
+    wall: Option<u32>,
     /// One past the last of its neighbours; they follow those of the gap before it.
     end: usize,
     velocity: [f64; 3],
@@ -62,11 +65,18 @@ impl Gaps {
         u32::try_from(at).ok()
     }
 
-    /// Adds a cell with the bodies around it, and returns its index. Without bodies its velocity is zero.
-    pub fn add(&mut self, cell: [i32; 3], neighbours: impl Iterator<Item = Neighbour>) -> u32 {
+    /// Adds a cell with the bodies around it, or the moving wall next to it (the index of a part of a face), and returns
+    /// its index. Without both its velocity is zero.
+    pub fn add(
+        &mut self,
+        cell: [i32; 3],
+        neighbours: impl IntoIterator<Item = Neighbour>,
+        wall: Option<u32>,
+    ) -> u32 {
         self.neighbours.extend(neighbours);
         self.gaps.push(Gap {
             cell,
+            wall,
             end: self.neighbours.len(),
             velocity: [0.0; 3],
         });
@@ -85,8 +95,8 @@ impl Gaps {
         self.gaps[gap as usize].velocity
     }
 
-    /// Computes the velocities of all gaps from the motions of the bodies.
-    pub fn renew<const D: usize>(&mut self, motion: &[Rigid]) {
+    /// Computes the velocities of all gaps from the motions of the bodies and the parts of the faces.
+    pub fn renew<const D: usize>(&mut self, motion: &[Rigid], faces: &[FacePart]) {
         let mut first = 0;
         for gap in &mut self.gaps {
             let (mut sum, mut cells) = ([0.0; 3], 0.0);
@@ -100,7 +110,9 @@ impl Gaps {
                 }
                 cells += count;
             }
-            if cells > 0.0 {
+            if let Some(wall) = gap.wall {
+                gap.velocity = faces[wall as usize].velocity;
+            } else if cells > 0.0 {
                 gap.velocity = sum.map(|part| part / cells);
             }
             first = gap.end;
@@ -194,10 +206,10 @@ mod tests {
             },
         ];
         let mut gaps = Gaps::default();
-        let still = gaps.add([0; 3], std::iter::empty());
+        let still = gaps.add([0; 3], [], None);
         let around = [neighbour(0, 3, [1.0; 3]), neighbour(1, 2, [1.0, -1.0, 1.0])];
-        let gap = gaps.add([3, 4, 0], around.into_iter());
-        gaps.renew::<2>(&motion);
+        let gap = gaps.add([3, 4, 0], around, None);
+        gaps.renew::<2>(&motion, &[]);
         assert_eq!(gaps.find([3, 4, 0]), Some(gap));
         assert_eq!(gaps.velocity(still), [0.0; 3]);
         // The gap is 2 cells right of the first centre: (0.01, 0.004). The second body counts twice: (-0.02, -0.03).

@@ -47,11 +47,8 @@ pub(crate) fn coupling(case: &Case) -> (Coupling, &'static str) {
              loses mass",
         );
     }
-    // In 2-D five of eight neighbours indicate a narrow gap between discs; in 3-D five of 26 occur at any surface.
-    let narrow = case.grains.is_some() && case.domain.size.0.len() == 2;
     let links = BounceBack {
         scheme: Scheme::Interpolated,
-        mean_wall_velocity_at_solid_neighbours: (!narrow).then_some(0),
         ..BounceBack::default()
     };
     let reason = "discs and spheres: this coupling has the smallest error at every number of cells";
