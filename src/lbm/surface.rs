@@ -516,10 +516,7 @@ impl SlabSurface {
                 populations,
                 exchange::prepare(state, batches, populations, drive, NoJump)
             );
-            with_set!(
-                populations,
-                carried::set(cells, batches, populations, NoJump)
-            );
+            carried::mark(cells, batches, true);
             return;
         };
         with_set!(
@@ -538,10 +535,7 @@ impl SlabSurface {
             populations,
             exchange::prepare(state, batches, populations, drive, CapillaryJump)
         );
-        with_set!(
-            populations,
-            carried::set(cells, batches, populations, CapillaryJump)
-        );
+        carried::mark(cells, batches, true);
     }
 
     /// Sets the populations that gas cells sent in the pass to zero.

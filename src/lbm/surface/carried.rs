@@ -18,59 +18,34 @@ use crate::initial::equilibrium;
 use crate::lanes::{Stored, Work};
 use crate::lattice::Lattice;
 use crate::populations::Populations;
+use base::number::to_u32;
 
-/// Sets the populations of the carried cells before a pass, and marks the cells.
+/// Sets the populations of the carried cells of a batch before a pass.
+///
+/// The surface in other cells follows from cells that are not carried, so that this may be done before it is known.
+#[inline(always)]
 pub(super) fn set<L: Lattice<Q>, S: Stored, const Q: usize>(
-    cells: &mut Cells,
-    batches: &mut [Batch],
-    populations: &mut Populations<S>,
+    batch: &Batch,
+    numbers: &Numbers<S>,
+    stencil: &Stencil<L, Q>,
     jump: impl Jump,
 ) {
-    let level = populations.level();
-    let numbers = &Numbers::new(populations);
-    let stencil = &Stencil::<L, Q>::new(populations);
-    each_part(batches, |batches| {
-        level.run(Set {
-            batches,
-            numbers,
-            stencil,
-            jump,
-        });
-    });
-    mark(cells, batches, true);
-}
-
-/// Populations of the carried cells of batches.
-struct Set<'a, L, S, J, const Q: usize> {
-    batches: &'a [Batch],
-    numbers: &'a Numbers<S>,
-    stencil: &'a Stencil<L, Q>,
-    jump: J,
-}
-
-impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Work for Set<'_, L, S, J, Q> {
-    #[inline(always)]
-    fn run(self) {
-        let mut density = [0.0; MOST];
-        let mut g = [0.0; MOST];
-        for batch in self.batches {
-            let (count, facets) = (batch.positions.padded(), &batch.facets);
-            let carried = Carried::new(batch);
-            if carried.count == 0 {
-                continue;
-            }
-            for k in 0..count {
-                density[k] = pressed(self.jump, batch.capillary[k], facets.facet(k).density());
-            }
-            for i in 0..Q {
-                for k in 0..count {
-                    g[k] = equilibrium(L::W[i], L::C[i], density[k], facets.facet(k).given);
-                }
-                for (k, cell) in carried.cells() {
-                    // SAFETY: the incoming numbers of a cell belong to it.
-                    unsafe { self.numbers.write(self.stencil.incoming(cell, i), g[k]) };
-                }
-            }
+    let (count, facets) = (batch.positions.padded(), &batch.facets);
+    let carried = Carried::new(batch);
+    if carried.count == 0 {
+        return;
+    }
+    let [mut density, mut g] = [[0.0; MOST]; 2];
+    for k in 0..count {
+        density[k] = pressed(jump, batch.capillary[k], facets.facet(k).density());
+    }
+    for i in 0..Q {
+        for k in 0..count {
+            g[k] = equilibrium(L::W[i], L::C[i], density[k], facets.facet(k).given);
+        }
+        for (k, cell) in carried.cells() {
+            // SAFETY: the incoming numbers of a cell belong to it.
+            unsafe { numbers.write(stencil.incoming(cell, i), g[k]) };
         }
     }
 }
@@ -97,6 +72,20 @@ impl Carried {
         found
     }
 
+    /// Returns the cells that satisfy a condition on index in the batch and position.
+    #[inline(always)]
+    fn that(&self, holds: impl Fn(usize, usize) -> bool) -> Self {
+        let mut found = Self {
+            all: [(0, 0); MOST],
+            count: 0,
+        };
+        for (k, cell) in self.cells() {
+            found.all[found.count.min(MOST - 1)] = (k.to_le_bytes()[0], to_u32(cell));
+            found.count += usize::from(holds(k, cell));
+        }
+        found
+    }
+
     /// Returns index in the batch and position of each cell.
     #[inline(always)]
     fn cells(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
@@ -106,7 +95,7 @@ impl Carried {
 }
 
 /// Marks the carried cells of batches, or clears the marks.
-fn mark(cells: &mut Cells, batches: &[Batch], carried: bool) {
+pub(super) fn mark(cells: &mut Cells, batches: &[Batch], carried: bool) {
     for batch in batches {
         for (&cell, _) in (batch.positions.cells().iter())
             .zip(batch.facets.carried)
@@ -231,6 +220,13 @@ impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Work for Link<'_, L, S, 
                 }
             }
             for i in 1..Q {
+                let taken = carried.that(|k, cell| {
+                    let next = stencil.neighbour(cell, i);
+                    takes(kinds[i][k], self.cells.carried[next])
+                });
+                if taken.count == 0 {
+                    continue;
+                }
                 let c = Stencil::<L, Q>::C[i];
                 for k in 0..positions.padded() {
                     let facet = facets.facet(k);
@@ -245,11 +241,7 @@ impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Work for Link<'_, L, S, 
                     let even = pressed(self.jump, batch.capillary[k], carrier.even(c));
                     twice[k] = 2.0 * L::W[i] * even;
                 }
-                for (k, cell) in carried.cells() {
-                    let next = stencil.neighbour(cell, i);
-                    if !takes(kinds[i][k], self.cells.carried[next]) {
-                        continue;
-                    }
+                for (k, cell) in taken.cells() {
                     // SAFETY: both numbers of the link between this cell and one that is not carried.
                     unsafe {
                         let sent = self.numbers.read(stencil.back(cell, i));

@@ -45,16 +45,18 @@ pub(super) fn least(planes: &[Plane]) -> usize {
     planes.len().div_ceil(threads).max(1)
 }
 
-/// Computes the surface in each interface cell from the state before the pass.
+/// Computes the surface in each interface cell from the state before the pass, and sets the populations of the carried
+/// cells.
 pub(super) fn prepare<L: Lattice<Q>, S: Stored, const Q: usize>(
     (cells, around): (&Cells, &Around),
     batches: &mut [Batch],
-    populations: &Populations<S>,
+    populations: &mut Populations<S>,
     drive: &Drive,
     jump: impl Jump,
 ) {
+    let numbers = &Numbers::new(populations);
+    let populations = &*populations;
     let stencil = &Stencil::<L, Q>::new(populations);
-    let numbers = &Numbers::to_read(populations);
     let level = populations.level();
     each_part(batches, |batches| {
         level.run(Find {
@@ -314,7 +316,8 @@ impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Exchange<'_, L, S, J, Q>
         let count = positions.padded();
         let (kinds, came) = (&kinds[i], &mut came[i]);
         let mut any = 0;
-        for k in 0..count {
+        // All, so that the loop is one vector; numbers are computed for kinds left by the last batch, but not used.
+        for k in 0..MOST {
             let bits = bits(kinds[k]);
             next_to[k] |= bits;
             any |= bits;
@@ -364,16 +367,15 @@ impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Exchange<'_, L, S, J, Q>
             let even = pressed(self.jump, batch.capillary[k], even);
             back[k] = S::from_f64(2.0 * w * even - sent[k]).to_f64();
         }
-        for k in 0..count {
-            came[k] = if kinds[k] == GAS { back[k] } else { came[k] };
-        }
+        let [back_at, out_at] = [self.stencil.back(0, i), self.stencil.out(0, i)];
         for (k, &cell) in batch.positions.cells().iter().enumerate() {
             if kinds[k] == GAS {
                 let cell = cell as usize;
+                came[k] = back[k];
                 // SAFETY: both numbers of a link to gas are this cell's.
                 unsafe {
-                    self.numbers.write(self.stencil.back(cell, i), came[k]);
-                    self.numbers.write(self.stencil.out(cell, i), 0.0);
+                    self.numbers.write(cell.wrapping_add(back_at), back[k]);
+                    self.numbers.write(cell.wrapping_add(out_at), 0.0);
                 }
             }
         }

@@ -1,6 +1,7 @@
 //! Facets of the cells of a batch.
 
 use super::batch::Batch;
+use super::carried;
 use super::carrier::dot;
 use super::cells::Cells;
 use super::cut;
@@ -38,10 +39,8 @@ fn normals<L: Lattice<Q>, const Q: usize>(
             *level = bounded(*level, 0.0, 1.0);
         }
         let is_wall = |kind: u8| (kind == SOLID) | (kind == HELD);
-        if kinds[..count]
-            .iter()
-            .fold(false, |any, &kind| any | is_wall(kind))
-        {
+        // All, so that the loop is one vector.
+        if kinds.iter().fold(false, |any, &kind| any | is_wall(kind)) {
             for (k, &cell) in positions.cells().iter().enumerate() {
                 if is_wall(kinds[k]) {
                     level[k] = cells.mirrored_level(cell as usize, L::C[i]);
@@ -135,7 +134,7 @@ pub(super) struct Find<'a, L, S: Stored, J, const Q: usize> {
     pub(super) cells: &'a Cells,
     pub(super) around: &'a Around,
     pub(super) populations: &'a Populations<S>,
-    /// Numbers of the populations, which no thread writes.
+    /// Numbers of the populations, of which only those of carried cells are written.
     pub(super) numbers: &'a Numbers<S>,
     pub(super) stencil: &'a Stencil<L, Q>,
     pub(super) drive: &'a Drive,
@@ -209,6 +208,7 @@ impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Work for Find<'_, L, S, 
                     *carried = !self.cells.meets_body(cell as usize);
                 }
             }
+            carried::set(batch, self.numbers, self.stencil, self.jump);
         }
     }
 }
@@ -228,7 +228,7 @@ impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Find<'_, L, S, J, Q> {
     #[inline(always)]
     fn look_at(&self, positions: &Positions, to: &mut Buffers<Q>) {
         let count = positions.padded();
-        // SAFETY: interface cells of the slab, whose numbers are only read.
+        // SAFETY: interface cells of the slab, whose numbers no other thread writes.
         unsafe { positions.incoming(self.numbers, self.stencil, &mut to.numbers) };
         for k in 0..count {
             let (density, [x, y, z]) = momentum::<L, Q>(|i| to.numbers[i][k]);
@@ -257,7 +257,7 @@ impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Find<'_, L, S, J, Q> {
     #[inline(always)]
     fn look_inside(&self, positions: &Positions, to: &mut Buffers<Q>) {
         let inner = Inner::new((positions, &to.inward), self.stencil, self.around);
-        // SAFETY: cells of the slab, whose numbers are only read.
+        // SAFETY: liquid cells of the slab, whose numbers no thread writes.
         unsafe {
             inner
                 .positions

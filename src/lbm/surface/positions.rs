@@ -78,7 +78,11 @@ impl Positions {
                 let first = from.wrapping_add((cells[0] as usize).wrapping_add(distance));
                 // SAFETY: promised by the caller.
                 let all = unsafe { first.cast::<[T; GROUP]>().read_unaligned() };
-                *to = all.map(&as_value);
+                // Not `map`, whose last four values the compiler stores in three parts: the next load of a vector
+                // from there would wait for all of them.
+                for (to, &value) in to.iter_mut().zip(&all) {
+                    *to = as_value(value);
+                }
             } else {
                 for k in 0..GROUP {
                     let at = from.wrapping_add((cells[k] as usize).wrapping_add(distance));
