@@ -96,8 +96,8 @@ impl BodyMap {
         }
     }
 
-    /// Returns the surface between the domain and a cell that is not in it. That at rest takes precedence, then that of a
-    /// moving wall; a structure is at rest.
+    /// Returns the surface between the domain and a cell that is not in it. That at rest takes precedence, then that
+    /// of a moving wall; a structure is at rest.
     fn beyond_faces(&self, near: [i32; 3]) -> Beyond {
         let grid = &self.slab.grid;
         let global: [i64; 3] =

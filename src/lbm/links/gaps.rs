@@ -65,8 +65,8 @@ impl Gaps {
         u32::try_from(at).ok()
     }
 
-    /// Adds a cell with the bodies around it, or the moving wall next to it (the index of a part of a face), and returns
-    /// its index. Without both its velocity is zero.
+    /// Adds a cell with the bodies around it, or the moving wall next to it (the index of a part of a face), and
+    /// returns its index. Without both its velocity is zero.
     pub fn add(
         &mut self,
         cell: [i32; 3],
