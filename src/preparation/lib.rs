@@ -25,6 +25,7 @@ use base::error::{Error, number};
 use base::number::{real, to_u32};
 use case::grains as case;
 use case::sieve::Percentiles;
+use dem::particles::{Body, Motion, Particles};
 use dem::relax::unbalanced_text;
 use dem::space::{Components, Space, vector};
 use dem::{GrainDomain, Wall};
@@ -139,6 +140,17 @@ pub fn prepare<S: Space>(
 }
 
 impl Prepared {
+    /// Inserts the grains into the arrays of the engine: each gets its id, in the order of the list, and mass and
+    /// moment of inertia from the density of its material.
+    pub fn insert_into<S: Space>(&self, plan: &Plan, particles: &mut Particles<S>) {
+        for (id, grain) in (plan.scene.first_grain()..).zip(&self.grains) {
+            let density = plan.scene.materials[grain.material].density.unwrap_or(1.0);
+            let body = Body::uniform::<S>(id, grain.radius, density, to_u32(grain.material));
+            let motion = Motion::new(grain.position, grain.velocity, grain.angular_velocity);
+            particles.insert(body, motion);
+        }
+    }
+
     /// Adds a text to the line.
     fn add(&mut self, part: String) {
         self.line = match self.line.as_str() {

@@ -11,10 +11,10 @@ use ::preparation::rest::BondRelaxation;
 use ::preparation::supervision::{Request, SavedSample, Supervision};
 use ::preparation::{Engine, Prepared};
 use base::error::Error;
-use base::number::{real, to_u32};
+use base::number::real;
 use decomposition::Communicator;
 use dem::Dem;
-use dem::particles::{Body, Motion, Particles};
+use dem::particles::Particles;
 use dem::space::Space;
 use dem::state::Contacts;
 use io::checkpoint::{Found, Reader};
@@ -106,13 +106,7 @@ fn make<Sp: Space>(
     setup::blocks::shapes(plan, &mut particles)?;
     setup::bodies(plan, communicator, &mut particles)?;
     setup::blocks::blocks(plan, communicator, &mut particles)?;
-    // The grains are on the first rank only.
-    for (id, grain) in (plan.scene.first_grain()..).zip(&prepared.grains) {
-        let density = plan.scene.materials[grain.material].density.unwrap_or(1.0);
-        let body = Body::uniform::<Sp>(id, grain.radius, density, to_u32(grain.material));
-        let motion = Motion::new(grain.position, grain.velocity, grain.angular_velocity);
-        particles.insert(body, motion);
-    }
+    prepared.insert_into(plan, &mut particles);
     let radius = typical_radius(plan, &prepared.grains, communicator);
     Ok(Grains {
         particles,
