@@ -101,10 +101,8 @@ struct Lists<S: Space, L: Bodies<S>> {
     active: Vec<u32>,
     /// Active pairs found by each thread.
     chosen: Vec<Vec<u32>>,
-    /// Offsets of the periodic axes for separations \[m\]: zero first, then each offset that occurs, with its number of
-    /// periods.
+    /// Offsets of the periodic axes for separations \[m\]: zero first, then each that a pair has.
     offsets: Vec<S::Vector>,
-    offset_shifts: Vec<[i32; 3]>,
     /// Id and shift of each entry when the lists were built, and the number of owned entries.
     names: Vec<(u64, [i32; 3])>,
     named_owned: usize,
@@ -194,7 +192,6 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 active: Vec::new(),
                 chosen: Vec::new(),
                 offsets: Vec::new(),
-                offset_shifts: Vec::new(),
                 names: Vec::new(),
                 named_owned: 0,
                 parts: Parts::default(),

@@ -6,6 +6,7 @@ mod bonds;
 mod columns;
 mod displacement;
 mod elastic;
+mod images;
 mod laws;
 mod ledges;
 mod repeated;

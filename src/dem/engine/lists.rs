@@ -8,6 +8,8 @@
 use super::*;
 use crate::neighbors::threads_for;
 use histories::Cursor;
+use std::collections::HashMap;
+use std::sync::{Mutex, PoisonError};
 
 /// Listed pair, lower id first. Reading these dominates the time of a step: 64 bytes in the linear law.
 #[derive(Clone, Copy, Debug)]
@@ -43,6 +45,52 @@ pub(crate) struct WallPair<C, M> {
     pub(super) history: M,
 }
 
+/// Offsets that periodic axes add to the separations of pairs.
+///
+/// Only those of listed pairs are kept: grains that have crossed faces many times, each another number of times, have
+/// as many differences as the square of their number. Threads add offsets in any order; a pair reads its own by its
+/// index, so that no result depends on the order.
+struct Offsets<S: Space> {
+    /// Index of each number of periods along the axes.
+    places: HashMap<[i32; 3], u32>,
+    /// Offsets \[m\], zero first.
+    vectors: Vec<S::Vector>,
+}
+
+impl<S: Space> Default for Offsets<S> {
+    fn default() -> Self {
+        Self {
+            places: HashMap::from([([0; 3], 0)]),
+            vectors: vec![S::Vector::default()],
+        }
+    }
+}
+
+/// Returns the offset of a number of periods along the axes.
+#[inline]
+fn offset_of<S: Space>(shift: [i32; 3], lengths: &[f64; 3]) -> S::Vector {
+    let mut offset = S::Vector::default();
+    for axis in 0..S::DIMENSION {
+        offset.set(axis, f64::from(shift[axis]) * lengths[axis]);
+    }
+    offset
+}
+
+/// Returns the index of an offset, which it adds where it is new.
+fn place_of<S: Space>(offsets: &Mutex<Offsets<S>>, shift: [i32; 3], offset: &S::Vector) -> u32 {
+    let mut offsets = offsets.lock().unwrap_or_else(PoisonError::into_inner);
+    let next = ghosts::index(offsets.vectors.len());
+    let place = *offsets.places.entry(shift).or_insert(next);
+    if place == next {
+        offsets.vectors.push(*offset);
+    }
+    place
+}
+
+fn into_inner<T>(shared: Mutex<T>) -> T {
+    shared.into_inner().unwrap_or_else(PoisonError::into_inner)
+}
+
 impl<S: Space, L: Bodies<S>> Engine<S, L> {
     /// Lists all pairs with a gap of at most `gap` \[m\], and restores the history of each contact.
     pub(super) fn list(&mut self, particles: &mut Particles<S>, gap: f64) {
@@ -57,7 +105,6 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 .map(|(body, shift)| (body.id, *shift)),
         );
         self.lists.named_owned = particles.owned();
-        self.list_offsets(particles);
         // The memory of a rank reaches its maximum here. The search data is therefore freed before the list of
         // pairs is built, which is most of the memory of a grain and is allocated without excess capacity.
         let mut search = Search::default();
@@ -68,17 +115,14 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         let threads = threads_for(particles.len());
         let bound = |thread: usize| candidates.before(thread, threads);
         let view = particles.view();
+        let offsets = Mutex::new(Offsets::<S>::default());
         thread_pool::extend(&mut pairs, threads, bound, |thread, buffer| {
             let mut cursor = Cursor::default();
+            let mut places = HashMap::new();
             candidates.each(thread, threads, |i, j| {
                 let (a, b) = (&view.body[i], &view.body[j]);
                 let key = key(self.lists.names[i], self.lists.names[j]);
-                let place = if periodic {
-                    self.place_of(key.shift)
-                } else {
-                    0
-                };
-                let offset = self.lists.offsets[place];
+                let offset = offset_of::<S>(key.shift, &view.lengths);
                 let partners = PairProperties {
                     materials: [a.material, b.material],
                     diameter: a.radius + b.radius,
@@ -92,6 +136,12 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 if !L::near(&self.scratch, (i, j), &between, gap) {
                     return;
                 }
+                let place = if periodic && key.shift != [0; 3] {
+                    *(places.entry(key.shift))
+                        .or_insert_with(|| place_of(&offsets, key.shift, &offset))
+                } else {
+                    0
+                };
                 let held = cursor.find(&self.histories, &key).unwrap_or_default();
                 let lives = squared < reach * reach || L::holds(&held);
                 buffer.push(Pair {
@@ -100,13 +150,14 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                     reach,
                     radius: a.radius,
                     row,
-                    offset: ghosts::index(place),
+                    offset: place,
                     scale: L::scale(self.rows.parameters_at(row), &partners),
                     history: if lives { held } else { L::History::default() },
                 });
             });
         });
         self.lists.pairs = pairs;
+        self.lists.offsets = into_inner(offsets).vectors;
         drop(candidates);
         self.list_planes(particles, gap);
         self.histories = Vec::new();
@@ -163,50 +214,6 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             self.solids.wall_pairs.append(found);
         }
         self.solids.planes_found = found;
-    }
-
-    /// Lists the offsets that periodic axes may add to separations: all differences between present images.
-    fn list_offsets(&mut self, particles: &Particles<S>) {
-        let mut shifts = vec![[0; 3]];
-        for shift in particles.shift.iter().filter(|shift| **shift != [0; 3]) {
-            // Most entries are not images, or are on the same side as the previous one.
-            if shifts.last() != Some(shift) && !shifts.contains(shift) {
-                shifts.push(*shift);
-            }
-        }
-        self.lists.offset_shifts.clear();
-        self.lists.offset_shifts.push([0; 3]);
-        for first in &shifts {
-            for second in &shifts {
-                let shift = std::array::from_fn(|axis| second[axis] - first[axis]);
-                if !self.lists.offset_shifts.contains(&shift) {
-                    self.lists.offset_shifts.push(shift);
-                }
-            }
-        }
-        let lengths = &particles.lengths;
-        self.lists.offsets.clear();
-        self.lists
-            .offsets
-            .extend(self.lists.offset_shifts.iter().map(|shift| {
-                let mut offset = S::Vector::default();
-                for axis in 0..S::DIMENSION {
-                    offset.set(axis, f64::from(shift[axis]) * lengths[axis]);
-                }
-                offset
-            }));
-    }
-
-    /// Returns the index of the offset of a shift.
-    #[inline]
-    fn place_of(&self, shift: [i32; 3]) -> usize {
-        // Most pairs are not images.
-        let known = self
-            .lists
-            .offset_shifts
-            .iter()
-            .position(|known| *known == shift);
-        known.unwrap_or(0)
     }
 
     pub(super) fn at_wall(&self, partners: &PairProperties) -> L::Constants {
