@@ -37,26 +37,11 @@ impl StateHash {
         self.sum = self.sum.wrapping_add(mix(&keys, global_index, bits));
     }
 
-    /// Adds consecutive entries of a field, the first of them with index `first`.
-    pub fn add_u64s(&mut self, field: u64, first: u64, values: &[u64]) {
-        self.add_bits(field, first, values.iter().copied());
-    }
-
     /// Adds consecutive entries of a field, the first of them with index `first`. The bits count:
     /// 0.0 and -0.0 differ.
     pub fn add_f64s(&mut self, field: u64, first: u64, values: &[f64]) {
-        self.add_bits(field, first, values.iter().map(|value| value.to_bits()));
-    }
-
-    /// Adds consecutive entries of a field, the first of them with index `first`. The bits count:
-    /// 0.0 and -0.0 differ.
-    pub fn add_f32s(&mut self, field: u64, first: u64, values: &[f32]) {
-        let bits = values.iter().map(|value| u64::from(value.to_bits()));
-        self.add_bits(field, first, bits);
-    }
-
-    fn add_bits(&mut self, field: u64, first: u64, values: impl Iterator<Item = u64>) {
-        self.add_entries(field, (first..).zip(values));
+        let bits = values.iter().map(|value| value.to_bits());
+        self.add_entries(field, (first..).zip(bits));
     }
 
     /// Adds entries of a field, each with its index and its bits, in any order.
@@ -224,8 +209,12 @@ mod tests {
         assert_eq!(field_key("foobar"), 0x8594_4171_f739_67e8);
         let mut hash = StateHash::new();
         hash.add_f64s(field_key("density"), 0, &[1.0, 2.0]);
-        hash.add_f32s(field_key("solid_fraction"), 5, &[0.25]);
-        hash.add_u64s(field_key("id"), 0, &[7]);
+        hash.add(
+            field_key("solid_fraction"),
+            5,
+            u64::from(0.25_f32.to_bits()),
+        );
+        hash.add(field_key("id"), 0, 7);
         assert_eq!(hash.hex(), KNOWN);
     }
 

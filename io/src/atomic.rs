@@ -210,21 +210,6 @@ pub(crate) fn require_space(path: &Path, needed: u64) -> Result<()> {
     Ok(())
 }
 
-/// Removes the files of interrupted writes in a folder, whose names end in `.part`. Returns their paths.
-///
-/// # Errors
-/// If the system refuses an operation.
-pub fn remove_parts(folder: &Path) -> Result<Vec<PathBuf>> {
-    let mut removed = Vec::new();
-    for path in files(folder)? {
-        if path.extension().is_some_and(|e| e == "part") {
-            remove_if_there(&path)?;
-            removed.push(path);
-        }
-    }
-    Ok(removed)
-}
-
 /// Returns the files in a folder, in order of name.
 pub(crate) fn files(folder: &Path) -> Result<Vec<PathBuf>> {
     let mut all = Vec::new();
@@ -264,21 +249,6 @@ mod tests {
         fs::write(folder.join("x"), b"x").unwrap();
         assert!(write(&folder, b"x").is_err());
         assert!(!part_of(&folder).exists());
-    }
-
-    #[test]
-    fn leftovers_go_and_the_rest_stays() {
-        let dir = tempfile::tempdir().unwrap();
-        fs::write(dir.path().join("a.vtkhdf.part"), b"x").unwrap();
-        fs::write(dir.path().join("a.vtkhdf"), b"x").unwrap();
-        assert_eq!(
-            remove_parts(dir.path()).unwrap(),
-            vec![dir.path().join("a.vtkhdf.part")]
-        );
-        assert_eq!(
-            files(dir.path()).unwrap(),
-            vec![dir.path().join("a.vtkhdf")]
-        );
     }
 
     #[test]

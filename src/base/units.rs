@@ -66,12 +66,6 @@ impl LatticeUnits {
         rate * self.time_step
     }
 
-    /// Converts rad per fluid step to rad/s.
-    #[must_use]
-    pub fn angular_velocity_to_si(&self, rate: f64) -> f64 {
-        rate / self.time_step
-    }
-
     /// Converts the kinematic viscosity [m2/s] to the lattice.
     #[must_use]
     pub fn viscosity_to_lattice(&self, viscosity: f64) -> f64 {

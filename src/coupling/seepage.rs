@@ -266,11 +266,6 @@ impl<Sp: Space> Seepage<Sp> {
         &self.pressure
     }
 
-    /// Returns the pressure, for changes of imposed values.
-    pub fn pressure_mut(&mut self) -> &mut Pressure {
-        &mut self.pressure
-    }
-
     /// Returns `true` if the pressure has been computed.
     #[must_use]
     pub fn is_known(&self) -> bool {

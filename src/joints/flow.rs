@@ -486,7 +486,8 @@ impl JointFlow {
     }
 
     /// Sets the pressures of all nodes \[Pa\].
-    pub fn set_pressures(&mut self, pressure: impl Fn(&Vector3<f64>) -> f64) {
+    #[cfg(test)]
+    pub(super) fn set_pressures(&mut self, pressure: impl Fn(&Vector3<f64>) -> f64) {
         for (number, position) in self.pressure.iter_mut().zip(&self.network.positions) {
             *number = pressure(position);
         }

@@ -64,7 +64,7 @@ mod tests {
     use super::*;
 
     fn steps(every: u64) -> Option<Interval> {
-        Some(Interval::of_steps(every))
+        Some(Interval::new(base::number::real(every), 1.0))
     }
 
     fn due(mut schedule: Schedule, steps: std::ops::RangeInclusive<u64>) -> Vec<u64> {

@@ -25,14 +25,6 @@ impl Interval {
         }
     }
 
-    /// Returns an interval of this number of steps; at least 1.
-    #[must_use]
-    pub fn of_steps(steps: u64) -> Self {
-        Self {
-            steps: base::number::real(steps).max(1.0),
-        }
-    }
-
     /// Returns the step of event `event`; event 0 is at step 0.
     #[must_use]
     pub fn step(&self, event: u64) -> u64 {
@@ -72,8 +64,8 @@ mod tests {
 
     #[test]
     fn whole_intervals_are_multiples() {
-        assert_eq!(events(Interval::of_steps(3), 10), [0, 3, 6, 9]);
-        assert_eq!(events(Interval::of_steps(0), 3), [0, 1, 2, 3]);
+        assert_eq!(events(Interval::new(3.0, 1.0), 10), [0, 3, 6, 9]);
+        assert_eq!(events(Interval::new(0.0, 1.0), 3), [0, 1, 2, 3]);
         // 0.3 / 0.1 is not 3 in floating point.
         assert_eq!(events(Interval::new(0.3, 0.1), 10), [0, 3, 6, 9]);
         assert!(Interval::new(0.3, 0.1).falls_on(3_000_000_000));

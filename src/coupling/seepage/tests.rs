@@ -244,8 +244,7 @@ fn a_bed_lifts_at_terzaghis_gradient() {
     // At rest p at the bottom is rho g H; the excess carries.
     let patches = [critical * 0.999, critical, critical * 1.001].map(|i| {
         let excess = i * 1000.0 * 9.81 * height;
-        let pressure = seepage.pressure_mut();
-        pressure.set_condition(
+        seepage.pressure.set_condition(
             0,
             Condition::Pressure {
                 value: 1000.0 * 9.81 * height + excess,
@@ -341,7 +340,7 @@ fn a_grain_in_still_water_sinks_at_its_velocity() {
     };
     let mut seepage = bench.seepage();
     // The same head at both ends: water at rest.
-    seepage.pressure_mut().set_condition(
+    seepage.pressure.set_condition(
         0,
         Condition::Pressure {
             value: 1000.0 * 9.81 * 0.06,

@@ -88,12 +88,6 @@ impl RotationState {
         self.orientation * body.component_div(inertia)
     }
 
-    /// Returns the angular velocity [rad/s] along the principal axes.
-    #[must_use]
-    pub fn body_spin(&self, inertia: &Vector3<f64>) -> Vector3<f64> {
-        (self.orientation.inverse() * self.angular_momentum).component_div(inertia)
-    }
-
     /// Returns the energy of rotation \[J\].
     #[must_use]
     pub fn energy(&self, inertia: &Vector3<f64>) -> f64 {

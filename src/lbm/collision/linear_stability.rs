@@ -71,23 +71,6 @@ fn search<L: Lattice<Q>, const Q: usize>(linear: &[[f64; Q]; Q]) -> Wave {
     most::<L, Q>(linear, vectors)
 }
 
-/// Returns the fastest growing wave in fluid that moves at a `velocity` of cells per step, among every `stride`-th
-/// of [`NUMBERS`] in both directions along each axis. A wave and its opposite grow alike.
-#[must_use]
-pub fn fastest_in_motion<L: Lattice<Q>, C: Collision, const Q: usize>(
-    operator: &C,
-    velocity: [f64; 3],
-    stride: usize,
-) -> Wave {
-    let linear = linear::<L, C, Q>(operator, velocity);
-    let along = move || (-NUMBERS..=NUMBERS).step_by(stride);
-    let vectors = (0..=NUMBERS)
-        .step_by(stride)
-        .flat_map(move |z| along().flat_map(move |y| along().map(move |x| [x, y, z])))
-        .filter(|vector| *vector != [0; 3]);
-    most::<L, Q>(&linear, vectors)
-}
-
 /// Returns the fastest growing wave of a list.
 fn most<L: Lattice<Q>, const Q: usize>(
     linear: &[[f64; Q]; Q],
@@ -205,6 +188,22 @@ mod tests {
     use super::super::suga::Suga;
     use super::*;
     use crate::lattice::{D2Q9, D3Q27};
+
+    /// Returns the fastest growing wave in fluid that moves at a `velocity` of cells per step, among every `stride`-th
+    /// of [`NUMBERS`] in both directions along each axis. A wave and its opposite grow alike.
+    fn fastest_in_motion<L: Lattice<Q>, C: Collision, const Q: usize>(
+        operator: &C,
+        velocity: [f64; 3],
+        stride: usize,
+    ) -> Wave {
+        let linear = linear::<L, C, Q>(operator, velocity);
+        let along = move || (-NUMBERS..=NUMBERS).step_by(stride);
+        let vectors = (0..=NUMBERS)
+            .step_by(stride)
+            .flat_map(move |z| along().flat_map(move |y| along().map(move |x| [x, y, z])))
+            .filter(|vector| *vector != [0; 3]);
+        most::<L, Q>(&linear, vectors)
+    }
 
     fn weighted(tau: f64, rates: Rates) -> Mrt<false> {
         Mrt {
