@@ -27,7 +27,7 @@ impl Pressure {
         let least = 1e-12 * drive.max(self.largest_term());
         let mut scale = drive.max(least);
         let mut iterations = 0;
-        let mut last = 0.0;
+        let mut last = None;
         loop {
             if largest <= self.settings.tolerance * scale {
                 // Next to open water the imbalance at uniform pressure is far larger than the final flow.
@@ -45,82 +45,98 @@ impl Pressure {
                     tolerance: self.settings.tolerance,
                 });
             }
-            let here = (self.slab.layout, self.slab.part.clone());
-            let here = (&here.0, &here.1);
-            // The cycle uses single precision, so that the residual is scaled to near 1.
-            let unit = 1.0 / power_above(largest);
-            let residual = &self.system.residual;
-            here.0
-                .sweep(here.1, self.system.multigrid.right_side(), |start, out| {
-                    for (b, r) in out.iter_mut().zip(&residual[start..]) {
-                        *b = single(r * unit);
-                    }
-                });
-            self.system.multigrid.cycle();
-            let z = self.system.multigrid.solution();
-            let rz = dot(here, &self.system.residual, z, &self.slab.communicator) / unit;
-            let beta = if iterations == 0 { 0.0 } else { rz / last };
-            last = rz;
-            here.0
-                .sweep(here.1, &mut self.system.direction, |start, out| {
-                    let z = &z[start..start + out.len()];
-                    for (p, z) in out.iter_mut().zip(z) {
-                        *p = f64::from(*z) / unit + beta * *p;
-                    }
-                });
-            self.slab.halo.fill(&mut self.system.direction);
-            let (layout, matrix, p) = (
-                &self.slab.layout,
-                &self.system.matrix,
-                &self.system.direction,
-            );
-            layout.sweep(here.1, &mut self.system.product, |start, out| {
-                let n = out.len();
-                let (leak, row) = (&matrix.leak[start..start + n], &p[start..start + n]);
-                inflow(matrix, layout, p, start, n, |i, sum| {
-                    out[i] = leak[i] * row[i] - sum;
-                });
-            });
-            let mut product = std::mem::take(&mut self.system.product);
-            self.add_tensor(&self.system.direction, &mut product, -1.0);
-            self.system.product = product;
-            let energy = dot(
-                here,
-                &self.system.direction,
-                &self.system.product,
-                &self.slab.communicator,
-            );
-            let alpha = rz / energy;
-            if !alpha.is_finite() {
-                return Err(SeepageError::NotFinite("the iteration"));
-            }
-            let mut most = 0.0_f64;
-            let mut bad = 0.0_f64;
-            for row in self.slab.layout.rows(here.1) {
-                let (p, q) = (
-                    &self.system.direction[row.clone()],
-                    &self.system.product[row.clone()],
-                );
-                let (x, r) = (&mut self.phi[row.clone()], &mut self.system.residual[row]);
-                for i in 0..x.len() {
-                    x[i] += alpha * p[i];
-                    r[i] -= alpha * q[i];
-                    let size = r[i].abs();
-                    most = if size > most { size } else { most };
-                    bad += size * 0.0;
-                }
-            }
-            largest = self.slab.communicator.all_reduce_max_f64(if bad.is_nan() {
-                f64::INFINITY
-            } else {
-                most
-            });
-            if !largest.is_finite() {
-                return Err(SeepageError::NotFinite("the iteration"));
-            }
+            let rz = self.next_direction(largest, last);
+            largest = self.move_along_direction(rz)?;
+            last = Some(rz);
             iterations += 1;
         }
         Ok((iterations, largest / scale.max(f64::MIN_POSITIVE)))
+    }
+
+    /// Finds the next direction of descent from the `largest` residual by a multigrid cycle. `last` is the product of
+    /// residual and cycle of the previous iteration, if there was one; returns that of this one.
+    fn next_direction(&mut self, largest: f64, last: Option<f64>) -> f64 {
+        let here = (self.slab.layout, self.slab.part.clone());
+        let here = (&here.0, &here.1);
+        // The cycle uses single precision, so that the residual is scaled to near 1.
+        let unit = 1.0 / power_above(largest);
+        let residual = &self.system.residual;
+        here.0
+            .sweep(here.1, self.system.multigrid.right_side(), |start, out| {
+                for (b, r) in out.iter_mut().zip(&residual[start..]) {
+                    *b = single(r * unit);
+                }
+            });
+        self.system.multigrid.cycle();
+        let z = self.system.multigrid.solution();
+        let rz = dot(here, &self.system.residual, z, &self.slab.communicator) / unit;
+        let beta = last.map_or(0.0, |last| rz / last);
+        here.0
+            .sweep(here.1, &mut self.system.direction, |start, out| {
+                let z = &z[start..start + out.len()];
+                for (p, z) in out.iter_mut().zip(z) {
+                    *p = f64::from(*z) / unit + beta * *p;
+                }
+            });
+        self.slab.halo.fill(&mut self.system.direction);
+        rz
+    }
+
+    /// Moves the solution along the direction to the smallest error; `rz` is the product of residual and cycle.
+    /// Returns the largest residual.
+    fn move_along_direction(&mut self, rz: f64) -> Result<f64, SeepageError> {
+        let here = (self.slab.layout, self.slab.part.clone());
+        let here = (&here.0, &here.1);
+        let (layout, matrix, p) = (
+            &self.slab.layout,
+            &self.system.matrix,
+            &self.system.direction,
+        );
+        layout.sweep(here.1, &mut self.system.product, |start, out| {
+            let n = out.len();
+            let (leak, row) = (&matrix.leak[start..start + n], &p[start..start + n]);
+            inflow(matrix, layout, p, start, n, |i, sum| {
+                out[i] = leak[i] * row[i] - sum;
+            });
+        });
+        let mut product = std::mem::take(&mut self.system.product);
+        self.add_tensor(&self.system.direction, &mut product, -1.0);
+        self.system.product = product;
+        let energy = dot(
+            here,
+            &self.system.direction,
+            &self.system.product,
+            &self.slab.communicator,
+        );
+        let alpha = rz / energy;
+        if !alpha.is_finite() {
+            return Err(SeepageError::NotFinite("the iteration"));
+        }
+        let mut most = 0.0_f64;
+        let mut bad = 0.0_f64;
+        for row in self.slab.layout.rows(here.1) {
+            let (p, q) = (
+                &self.system.direction[row.clone()],
+                &self.system.product[row.clone()],
+            );
+            let (x, r) = (&mut self.phi[row.clone()], &mut self.system.residual[row]);
+            for i in 0..x.len() {
+                x[i] += alpha * p[i];
+                r[i] -= alpha * q[i];
+                let size = r[i].abs();
+                most = if size > most { size } else { most };
+                bad += size * 0.0;
+            }
+        }
+        let largest = self.slab.communicator.all_reduce_max_f64(if bad.is_nan() {
+            f64::INFINITY
+        } else {
+            most
+        });
+        if !largest.is_finite() {
+            return Err(SeepageError::NotFinite("the iteration"));
+        }
+        Ok(largest)
     }
 
     /// Returns the largest flow through an imposed pressure, or the largest source, at the pressure of the last
