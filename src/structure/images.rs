@@ -1,10 +1,16 @@
 //! Solid with its images in a periodic domain.
 
 use super::solid::merge_parts;
-use super::{Facets, Frame, Point, Solid, minus, plus};
+use super::{Facets, Frame, Point, Solid, minus, norm, plus, times};
 use std::sync::Arc;
 
+/// Number of periods beyond a point within which the images of an inclined half-space are looked at.
+const PERIODS: i32 = 4;
+
 /// Solid with those of its periodic images that reach into the domain.
+///
+/// A half-space whose normal has a component along a periodic axis does not equal its images. Its part in the domain is
+/// repeated, so that there is a step at the periodic face.
 #[derive(Clone, Debug)]
 pub struct Images {
     solid: Arc<dyn Solid>,
@@ -12,6 +18,8 @@ pub struct Images {
     shifts: Vec<Point>,
     frame: Frame,
     periodic: [bool; 3],
+    /// `true` for each periodic axis across which a half-space has a step.
+    stepped: [bool; 3],
 }
 
 impl Images {
@@ -41,11 +49,17 @@ impl Images {
                 .all(|a| high[a] + shift[a] > -margin && low[a] + shift[a] < frame.size[a] + margin)
         };
         shifts.retain(reaches);
+        let plane = solid.plane();
+        let stepped = std::array::from_fn(|a| {
+            let leans = plane.is_some_and(|(_, normal)| normal[a].abs() > 0.0);
+            leans && a < frame.dimension && periodic[a]
+        });
         Self {
             solid,
             shifts,
             frame,
             periodic,
+            stepped,
         }
     }
 
@@ -70,15 +84,58 @@ impl Images {
     /// Returns the distance to the nearest image: see [`Solid::distance`].
     #[must_use]
     pub fn distance(&self, at: Point) -> f64 {
+        if self.stepped.contains(&true) && !self.is_empty() {
+            return self.distance_from_steps(at);
+        }
         let images = self.shifts.iter();
         images
             .map(|shift| self.solid.distance(minus(at, *shift)))
             .fold(f64::INFINITY, f64::min)
     }
 
+    /// Returns [`Self::distance`] for a half-space that is repeated with steps: the distance from the nearest part of
+    /// any period on the other side of the surface.
+    fn distance_from_steps(&self, at: Point) -> f64 {
+        let mut at = at;
+        let periods = |a: usize| if self.stepped[a] { PERIODS } else { 0 };
+        let mut bound = f64::INFINITY;
+        for a in (0..3).filter(|&a| self.stepped[a]) {
+            let length = self.frame.size[a];
+            // A point on the upper face belongs to this period.
+            if !(0.0..=length).contains(&at[a]) {
+                at[a] -= length * (at[a] / length).floor();
+            }
+            bound = bound.min(f64::from(PERIODS) * length);
+        }
+        let own = self.solid.distance(at);
+        let side = if own < 0.0 { -1.0 } else { 1.0 };
+        let mut least = bound.min(side * own);
+        let range = |a: usize| -periods(a)..=periods(a);
+        for x in range(0) {
+            for y in range(1) {
+                for z in range(2) {
+                    let period = [x, y, z];
+                    let shift = std::array::from_fn(|a| f64::from(period[a]) * self.frame.size[a]);
+                    let seen = minus(at, shift);
+                    let beyond: Point = std::array::from_fn(|a| match period[a] {
+                        0 => 0.0,
+                        _ => (-seen[a]).max(seen[a] - self.frame.size[a]),
+                    });
+                    let there = side * self.solid.distance(seen);
+                    least = least.min(there.max(norm(beyond)));
+                }
+            }
+        }
+        side * least
+    }
+
     /// Finds the chords of all images, like [`Solid::chords`]; `found` is cleared first.
     pub fn chords(&self, from: Point, along: Point, found: &mut Vec<[f64; 2]>) {
         found.clear();
+        if self.stepped.contains(&true) && !self.is_empty() {
+            self.chords_of_steps(from, along, found);
+            return;
+        }
         if let [shift] = self.shifts[..] {
             self.solid.chords(minus(from, shift), along, found);
             return;
@@ -88,6 +145,44 @@ impl Images {
             one.clear();
             self.solid.chords(minus(from, *shift), along, &mut one);
             found.append(&mut one);
+        }
+        merge_parts(found);
+    }
+
+    /// Finds [`Self::chords`] of a half-space that is repeated with steps: those of the parts of the line in each
+    /// period.
+    fn chords_of_steps(&self, from: Point, along: Point, found: &mut Vec<[f64; 2]>) {
+        let mut ends = vec![0.0, 1.0];
+        for a in (0..3).filter(|&a| self.stepped[a]) {
+            let length = self.frame.size[a];
+            let [low, high] = [from[a], from[a] + along[a]].map(|x| x / length);
+            let (low, high) = (low.min(high), low.max(high));
+            let mut face = low.floor() + 1.0;
+            while face < high {
+                ends.push((face * length - from[a]) / along[a]);
+                face += 1.0;
+            }
+        }
+        ends.retain(|t| (0.0..=1.0).contains(t));
+        ends.sort_by(f64::total_cmp);
+        let mut one = Vec::new();
+        for pair in ends.windows(2) {
+            let [first, last] = [pair[0], pair[1]];
+            let middle = plus(from, times(along, 0.5 * (first + last)));
+            let shift = std::array::from_fn(|a| {
+                let length = self.frame.size[a];
+                if self.stepped[a] {
+                    length * (middle[a] / length).floor()
+                } else {
+                    0.0
+                }
+            });
+            let start = minus(plus(from, times(along, first)), shift);
+            one.clear();
+            self.solid
+                .chords(start, times(along, last - first), &mut one);
+            let of_line = |t: f64| first * (1.0 - t) + last * t;
+            found.extend(one.iter().map(|part| part.map(of_line)));
         }
         merge_parts(found);
     }

@@ -386,3 +386,47 @@ fn images_join_across_periodic_faces() {
         .sum();
     assert!(area > 0.0);
 }
+
+/// Checks that an inclined half-space ends at a periodic face: chords by hand, and distances below those from the
+/// nearest points on the other side of the surface.
+#[test]
+fn a_half_space_across_a_periodic_axis_has_a_step_at_its_face() {
+    // Solid below y = 2 - x/2 for x in the domain of width 4, and again in each period.
+    let shape = r#"{"plane": {"normal": [1, 2], "point": [0, 2]}}"#;
+    let solid = made(shape, &FLAT, &none).unwrap();
+    let images = Images::new(solid, FLAT, [true, false, false], 0.1);
+    let is_solid = |[x, y]: [f64; 2]| y < 2.0 - 0.5 * x.rem_euclid(4.0);
+    let mut found = Vec::new();
+    let mut chords = |from, along| {
+        images.chords(from, along, &mut found);
+        found.clone()
+    };
+    // From water in front of the step into it, back out of it, and through the water of two periods.
+    assert_eq!(chords([3.5, 1.0, 0.0], [1.0, 0.0, 0.0]), [[0.5, 1.0]]);
+    assert_eq!(chords([0.5, 1.0, 0.0], [-1.0, 0.0, 0.0]), [[0.0, 0.5]]);
+    assert_eq!(chords([3.5, 2.5, 0.0], [1.0, 0.0, 0.0]), [[0.0; 2]; 0]);
+    // Solid on both sides of the face.
+    assert_eq!(chords([3.5, -0.5, 0.0], [1.0, 0.0, 0.0]), [[0.0, 1.0]]);
+    for n in 0..40 {
+        for m in 0..30 {
+            let [x, y] = [n, m].map(|k| 0.1 * f64::from(k) + 0.05);
+            let distance = images.distance([x, y, 0.0]);
+            assert_eq!(distance < 0.0, is_solid([x, y]), "{x} {y}");
+            let other = (-60..60).flat_map(|i| (-60..60).map(move |j| [i, j]));
+            let other = other.map(|ij| ij.map(|k| 0.05 * f64::from(k) + 0.025));
+            let nearest = other
+                .filter(|[a, b]| is_solid([x + a, y + b]) != is_solid([x, y]))
+                .map(|[a, b]| a.hypot(b))
+                .fold(f64::INFINITY, f64::min);
+            assert!(distance.abs() <= nearest, "{x} {y}: {distance}, {nearest}");
+            // In front of the edge of the step, whose faces have an angle of 116.6° between their normals, the bound is
+            // at least cos 58.3° of the distance.
+            assert!(
+                distance.abs() > 0.52 * nearest - 0.05,
+                "{x} {y}: {distance}, {nearest}"
+            );
+        }
+    }
+    let [one, next] = [3.9, 7.9].map(|x| images.distance([x, 1.0, 0.0]));
+    assert!((one - 0.1).abs() < 1e-12 && (next - one).abs() < 1e-12);
+}

@@ -160,6 +160,8 @@ scenes! {
     joint
     channel
     discs
+    step_at_a_seam
+    symmetry_planes
 }
 
 /// Checks the cases of a folder, if one is named.
