@@ -193,3 +193,98 @@ fn covering_and_uncovering_gives_back_what_it_took() {
     assert!(there[0] != 0 && there[5] != 0);
     assert_eq!(there.map(|load| -load), back);
 }
+
+/// Follows a joint of three cells of water in a row: it closes, a disc takes its middle cell and leaves again, and it
+/// opens. Its mouths are counted by hand.
+#[test]
+fn cells_of_a_joint_close_where_no_body_is() {
+    let populations =
+        Populations::new(Velocities::for_lattice::<D2Q9, 9>(), [12, 10, 1], 1).unwrap();
+    let none = Particles::<Flat>::new();
+    let mut disc = Particles::<Flat>::new();
+    let mut motion = Motion::<Flat>::default();
+    // It covers the centre of cell (5, 5) and no other one.
+    motion.position.set(0, 0.55);
+    motion.position.set(1, 0.55);
+    disc.insert(Body::uniform::<Flat>(8, 0.06, 2.0, 0), motion);
+    let mut map = new_map(&populations);
+    let row = [[4, 5, 0], [5, 5, 0], [6, 5, 0]];
+    let middle = [5, 5, 0];
+    let inside = |cell: [i32; 3]| cell.map(|v| usize::try_from(v).unwrap());
+    let of_all = |change| row.map(|cell| (inside(cell), change)).to_vec();
+    let mouths = |map: &BodyMap| {
+        let links = map.joint_links().0.iter();
+        links
+            .map(|link| (link.inner, link.direction))
+            .collect::<HashSet<_>>()
+            .len()
+    };
+
+    // Each cell once; a cell beyond a wall and one beyond the ghosts are no water.
+    let asked = row.into_iter().chain([middle, [-1, 3, 0], [90, 3, 0]]);
+    map.set_joint_cells(asked);
+    follow(&mut map, &none, &populations);
+    assert_eq!(map.closed_cells(), row);
+    assert_eq!(map.joint_changes(), of_all(CellChange::WaterClosed));
+    assert!(map.is_closed(inside(middle)) && map.body_at(inside(middle)).is_none());
+    // 8 neighbours each, less 1 at the ends and 2 in the middle.
+    assert_eq!(mouths(&map), 7 + 6 + 7);
+
+    follow(&mut map, &none, &populations);
+    assert!(map.joint_changes().is_empty() && !map.joints_altered());
+
+    follow(&mut map, &disc, &populations);
+    assert_eq!(map.closed_cells(), [row[0], row[2]]);
+    assert_eq!(
+        map.joint_changes(),
+        [(inside(middle), CellChange::BodyOpened)]
+    );
+    assert_eq!(map.body_at(inside(middle)), Some(8));
+    assert_eq!(mouths(&map), 7 + 7);
+
+    follow(&mut map, &none, &populations);
+    assert_eq!(map.closed_cells(), row);
+    assert_eq!(
+        map.joint_changes(),
+        [(inside(middle), CellChange::BodyClosed)]
+    );
+
+    map.set_joint_cells(std::iter::empty());
+    follow(&mut map, &none, &populations);
+    assert_eq!(map.joint_changes(), of_all(CellChange::WaterOpened));
+    assert!(map.closed_cells().is_empty() && !map.is_closed(inside(middle)));
+    assert_eq!(mouths(&map), 0);
+}
+
+/// Checks the reflection at the mouths of a joint of one cell: what enters returns, and the joint has its momentum, twice
+/// that of the populations.
+#[test]
+fn mouths_of_a_joint_reflect_and_have_the_momentum() {
+    let mut populations =
+        Populations::new(Velocities::for_lattice::<D2Q9, 9>(), [12, 10, 1], 1).unwrap();
+    let mut map = new_map(&populations);
+    map.set_joint_cells([[4, 5, 0]].into_iter());
+    follow(&mut map, &Particles::<Flat>::new(), &populations);
+    let velocities = populations.velocities().clone();
+    let parity = populations.parity();
+    let links: Vec<_> = map.joint_links().0.to_vec();
+    assert_eq!(links.len(), 8);
+    let mut momentum = [0.0; 2];
+    for link in &links {
+        let number = 0.01 * f64::from(u32::try_from(link.direction).unwrap());
+        populations.numbers_mut()[link.link.out(parity)] = number;
+        for (sum, c) in momentum.iter_mut().zip(velocities.c[link.direction]) {
+            *sum += 2.0 * number * f64::from(c);
+        }
+    }
+    let load = map.bounce_at_joints(&mut populations).unwrap();
+    for link in &links {
+        let number = 0.01 * f64::from(u32::try_from(link.direction).unwrap());
+        let back = populations.numbers()[link.link.incoming(parity)];
+        assert_eq!(back.to_bits(), number.to_bits());
+    }
+    for (found, expected) in load.iter().zip(momentum) {
+        let found = lbm::quanta::from_quanta(*found);
+        assert!((found - expected).abs() < 1e-14, "{found} {expected}");
+    }
+}
