@@ -166,7 +166,7 @@ impl StructureMap {
             spacing: units.spacing,
         };
         let map = Self::new(fluid.populations(), grid, solids, interpolated);
-        let closed: Vec<usize> = map.inside.iter().map(|&cell| cell as usize).collect();
+        let closed: Vec<usize> = map.positions(fluid.populations()).collect();
         fluid.close(closed.into_iter());
         if map.dimension == 2 {
             fluid.bound_velocities::<2>(&map.links);

@@ -160,6 +160,12 @@ impl ClosedCells {
         self.closed.is_empty()
     }
 
+    /// Returns `true` if the cell at a position belongs to a structure.
+    #[must_use]
+    pub fn holds(&self, position: usize) -> bool {
+        self.closed.get(position).is_some_and(|closed| *closed)
+    }
+
     /// Returns the solid fraction of the cell at a position, 0 or 1.
     #[must_use]
     pub fn fraction(&self, position: usize) -> f64 {

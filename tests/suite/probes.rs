@@ -82,3 +82,40 @@ fn a_uniform_pressure_acts_alike_on_all_faces() {
         assert!(shear.abs() < 1e-12, "{name}: {shear}");
     }
 }
+
+/// Checks the same along the edge of two symmetry planes that crosses a periodic face, with the 27 velocities: those
+/// that leave along the edge come from a cell beyond the periodic face.
+#[test]
+fn symmetry_planes_have_no_shear_at_a_periodic_face() {
+    let _beside = beside_others();
+    let names = ["y_min", "z_max"];
+    let walls =
+        names.map(|name| json!({"name": name, "every": 0.1, "at": {"wall": {"face": name}}}));
+    let slip = names
+        .map(|name| json!({"name": format!("slip_{name}"), "face": name, "condition": {"free_slip": {}}}));
+    let case = json!({
+        "domain": {"size": [0.02, 0.016, 0.012], "spacing": 0.002, "periodic": ["x"]},
+        "fluid": {"lattice_boltzmann": {
+            "density": 1000, "kinematic_viscosity": 1e-4, "relaxation_time": 0.8, "lattice": "d3q27",
+            "boundaries": slip,
+            "initial": {"uniform": {"velocity": [0, 0, 0], "pressure": 5}}
+        }},
+        "time": {"end": 0.1},
+        "probes": walls
+    });
+    let study = Study::new(&case.to_string());
+    study.run("one", 1, 1, &[]);
+    study.run("two", 2, 1, &["domain.split=x"]);
+    for (run, name) in ["one", "two"]
+        .iter()
+        .flat_map(|run| names.map(|name| (run, name)))
+    {
+        let path = study.path(run).join(format!("probe_{name}.csv"));
+        let text = std::fs::read_to_string(path).unwrap();
+        let [shear, pressure] = *columns(&text, ["shear_force", "mean_pressure"])
+            .last()
+            .unwrap();
+        assert!((pressure - 5.0).abs() < 1e-9, "{run} {name}: {pressure}");
+        assert!(shear.abs() < 1e-12, "{run} {name}: {shear}");
+    }
+}

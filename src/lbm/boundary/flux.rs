@@ -25,8 +25,8 @@ struct Exchange {
     into: (f64, usize),
     /// Cells of the two populations: positions within an array.
     cells: [u32; 2],
-    /// `true` if the population that enters is the mirror image of the one that left.
-    mirrored: bool,
+    /// Deviation of the population that left along the link on which a mirror image enters; none for other links.
+    mirrored: Option<f64>,
 }
 
 impl<S: Stored> Boundaries<S> {
@@ -35,20 +35,22 @@ impl<S: Stored> Boundaries<S> {
     #[must_use]
     pub fn fluxes(&self, populations: &Populations<S>) -> Vec<Flux> {
         let mut fluxes = Vec::new();
-        self.fluxes_into(populations, |_| true, &mut fluxes);
+        self.fluxes_into(populations, (|_| true, |_| false), &mut fluxes);
         fluxes
     }
 
-    /// Computes [`Self::fluxes`] into a reusable list; `wet` returns `true` for the positions of cells with water.
+    /// Computes [`Self::fluxes`] into a reusable list; `wet` returns `true` for the positions of cells with water or
+    /// solids, and `solid` for those of structures.
     ///
-    /// Gas has the reference pressure, whatever numbers a pass leaves in its cells. A symmetry plane joins two
-    /// cells. If one of them has no water, the surface of the water crosses the link, and the other one exchanges
-    /// momentum with the gas instead of the face. Otherwise the population that enters is the one that left,
-    /// whatever a free surface or a body has put in its place since: the plane exerts no friction.
+    /// Gas and structures have the reference pressure, whatever numbers a pass leaves in their cells. A symmetry plane
+    /// joins two cells. If one of them is gas, the surface of the water crosses the link, and the other one exchanges
+    /// momentum with the gas instead of the face. If one is solid, the mirror image of the solid reflects the
+    /// population of the other one, so that it counts for both. Otherwise the population that enters is the one that
+    /// left, whatever a free surface or a body has put in its place since: the plane exerts no friction.
     pub fn fluxes_into(
         &self,
         populations: &Populations<S>,
-        wet: impl Fn(usize) -> bool,
+        (wet, solid): (impl Fn(usize) -> bool, impl Fn(usize) -> bool),
         fluxes: &mut Vec<Flux>,
     ) {
         fluxes.clear();
@@ -63,10 +65,15 @@ impl<S: Stored> Boundaries<S> {
                 mirrored,
             } = exchange;
             let [(mut a, i), (mut b, j)] = [out, into];
-            if mirrored {
+            let solids = cells.map(|cell| solid(cell as usize));
+            if let Some(own) = mirrored {
+                if solids[0] {
+                    a = own;
+                }
                 b = a;
             }
-            if cells.iter().any(|cell| !wet(*cell as usize)) {
+            let dry = cells.iter().any(|cell| !wet(*cell as usize));
+            if dry || solids == [true; 2] {
                 (a, b) = (0.0, 0.0);
             }
             let (leaves, enters) = (
@@ -74,7 +81,10 @@ impl<S: Stored> Boundaries<S> {
                 i128::from(quanta(b + velocities.w[j])),
             );
             let of_link = |edge: &EdgeLink| (edge.cell, edge.direction);
-            let edge = self.edges.binary_search_by_key(&(cells[0], i), of_link);
+            // The link of the population that enters: its cell lies in the slab, while the mirror image may have come
+            // from a ghost cell.
+            let link = (cells[1], velocities.opposite[j]);
+            let edge = self.edges.binary_search_by_key(&link, of_link);
             let of_axes = edge.map_or([patch; 3], |n| self.edges[n].patches);
             for axis in 0..3 {
                 fluxes[of_axes[axis]].force[axis] += i128::from(velocities.c[i][axis]) * leaves
@@ -123,7 +133,7 @@ impl<S: Stored> Boundaries<S> {
                 out: (numbers[link.out(parity)].to_f64(), direction),
                 into: (numbers[link.incoming(parity)].to_f64(), back),
                 cells: [link.near - begins[back]; 2],
-                mirrored: false,
+                mirrored: None,
             }
         };
         for w in self.walls.links() {
@@ -135,13 +145,14 @@ impl<S: Stored> Boundaries<S> {
             }
             for m in patch.rule.mirrors().iter().flat_map(|run| run.mirrors()) {
                 let (from, to) = m.ends(parity);
+                let own = m.sent_along_entrance(parity);
                 each(Exchange {
                     patch: n,
                     out: (numbers[from].to_f64(), usize::from(m.leaves)),
                     into: (numbers[to].to_f64(), usize::from(m.enters)),
                     // Two adjacent cells, one of which a body may cover.
                     cells: m.cells(&velocities.opposite, &begins),
-                    mirrored: true,
+                    mirrored: Some(numbers[own].to_f64()),
                 });
             }
         }

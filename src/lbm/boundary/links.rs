@@ -105,6 +105,11 @@ impl Mirror {
         (from.out(parity), to.incoming(parity))
     }
 
+    /// Returns the position of the population that left along the link on which this one enters.
+    pub(crate) fn sent_along_entrance(&self, parity: Parity) -> usize {
+        self.links[1].out(parity)
+    }
+
     /// Returns the cells of the leaving and the entering population: positions within an array, where `begins`
     /// contains the first position of each array.
     pub(crate) fn cells(&self, opposite: &[usize], begins: &[u32]) -> [u32; 2] {

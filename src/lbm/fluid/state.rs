@@ -181,8 +181,10 @@ impl<S: Stored> Fluid<S> {
             .flat_map(|surface| surface.entered().chain(surface.newly_held()))
             .map(|(cell, _)| cell)
             .collect();
-        let wet = |cell| self.holds_water(cell) && !reached.contains(&cell);
-        self.boundaries.fluxes_into(&self.populations, wet, fluxes);
+        let solid = |cell| self.closed.holds(cell);
+        let wet = |cell| solid(cell) || self.holds_water(cell) && !reached.contains(&cell);
+        self.boundaries
+            .fluxes_into(&self.populations, (wet, solid), fluxes);
         for (patch, entered) in self.surface().iter().flat_map(|s| s.entered_in_last_step()) {
             fluxes[patch].mass = -entered;
         }
