@@ -119,3 +119,52 @@ fn symmetry_planes_have_no_shear_at_a_periodic_face() {
         assert!(shear.abs() < 1e-12, "{run} {name}: {shear}");
     }
 }
+
+/// Checks that faces and a structure on a face hold the weight of the water at rest, and nothing of what the structure
+/// contains: the body force acts in its cells too.
+#[test]
+fn faces_beside_a_structure_hold_the_weight_of_the_water() {
+    let _beside = beside_others();
+    let names = ["x_min", "x_max", "y_min", "y_max", "block"];
+    let probes = names.map(|name| {
+        let at = match name {
+            "block" => json!({"structure": {"name": name}}),
+            _ => json!({"wall": {"face": name}}),
+        };
+        json!({"name": name, "every": 0.5, "at": at})
+    });
+    for floor in ["no_slip", "free_slip"] {
+        let case = json!({
+            "domain": {"size": [0.02, 0.016], "spacing": 0.002},
+            "fluid": {"lattice_boltzmann": {
+                "density": 1000, "kinematic_viscosity": 1e-4, "relaxation_time": 0.8,
+                "body_force": {"constant": [0, -20]},
+                "boundaries": [{"name": "floor", "face": "y_min", "condition": {floor: {}}}]
+            }},
+            "structures": [
+                {"name": "block", "shape": {"box": {"from": [-0.001, -0.001], "to": [0.008, 0.006]}}}],
+            "time": {"end": 5},
+            "probes": probes
+        });
+        let study = Study::new(&case.to_string());
+        study.run("one", 1, 1, &[]);
+        let force = |name: &str| {
+            let path = study.path("one").join(format!("probe_{name}.csv"));
+            let text = std::fs::read_to_string(path).unwrap();
+            let column = if name == "block" {
+                "fluid_force_y"
+            } else {
+                "force_y"
+            };
+            columns(&text, [column, "time"]).last().unwrap()[0]
+        };
+        let forces = names.map(force);
+        // 80 cells of the box without 12 of the block.
+        let weight = 20.0 * 68.0 * 0.002_f64.powi(2);
+        let off = forces.iter().sum::<f64>() + weight;
+        assert!(
+            off.abs() < 1e-6 * weight,
+            "{floor}: {off} of {weight}, {forces:?}"
+        );
+    }
+}
