@@ -256,8 +256,8 @@ fn cells_of_a_joint_close_where_no_body_is() {
     assert_eq!(mouths(&map), 0);
 }
 
-/// Checks the reflection at the mouths of a joint of one cell: what enters returns, and the joint has its momentum, twice
-/// that of the populations.
+/// Checks the reflection at the mouths of a joint of one cell: what enters returns, and the joint has its momentum,
+/// twice that of the populations.
 #[test]
 fn mouths_of_a_joint_reflect_and_have_the_momentum() {
     let mut populations =
