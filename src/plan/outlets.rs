@@ -216,6 +216,11 @@ mod tests {
     /// Returns the finding on a disc of 8 cells in a channel of 40 x 20 cells with an inflow of 1 cell per 50 steps,
     /// and an outlet of some cells.
     fn finding(motion: &Value, outlet: [f64; 2], gravity: f64) -> Option<String> {
+        let x = if motion.get("fixed").is_some() {
+            0.04
+        } else {
+            0.03
+        };
         let case = json!({
             "domain": {"size": [0.04, 0.02], "spacing": 0.001},
             "gravity": [gravity, 0],
@@ -226,7 +231,7 @@ mod tests {
                         "ramp_time": 1}}},
                     {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}},
                      "patch": {"from": [0, outlet[0]], "to": [0.04, outlet[1]]}}]}},
-            "bodies": [{"name": "disc", "shape": {"disc": {"radius": 0.004}}, "position": [if motion.get("fixed").is_some() { 0.04 } else { 0.03 }, 0.01],
+            "bodies": [{"name": "disc", "shape": {"disc": {"radius": 0.004}}, "position": [x, 0.01],
                         "motion": motion, "material": "glass"}],
             "coupling": {"partially_saturated": {}},
             "contact": {"linear": {"friction_angle_degrees": 20, "normal_damping_ratio": 0.3}},

@@ -513,7 +513,8 @@ fn a_disc_at_a_wall_that_moves_with_it_does_not_disturb_the_water() {
         let velocity = [0.03, 0.0];
         let mut case = pair("half_way", [velocity; 2], velocity, gaps);
         case["domain"]["periodic"] = json!(["x"]);
-        let wall = |face: &str| json!({"name": face, "face": face, "condition": {"moving_wall": {"velocity": velocity}}});
+        let moving = json!({"moving_wall": {"velocity": velocity}});
+        let wall = |face: &str| json!({"name": face, "face": face, "condition": moving.clone()});
         case["fluid"]["lattice_boltzmann"]["boundaries"] = json!([wall("y_min"), wall("y_max")]);
         case["bodies"][0]["position"] = json!([0.002, 4.4e-4]);
         case["bodies"][1]["position"] = json!([0.004, 0.00255]);

@@ -35,7 +35,7 @@ struct Solid {
     wall: Option<u32>,
     /// Cell of which the cell of water is the image, where the solid is an image across planes of symmetry.
     cell: [i32; 3],
-    signs: [f64; 3],
+    signs: [i8; 3],
 }
 
 /// Surface between the domain and a cell beyond it.
@@ -71,7 +71,7 @@ impl BodyMap {
             owner: self.owner[place.wrapping_add_signed(along.map_offset)],
             wall: None,
             cell,
-            signs: [1.0; 3],
+            signs: [1; 3],
         };
         if solid.owner != OUTSIDE {
             return (solid.owner != FLUID).then_some(solid);
@@ -82,7 +82,7 @@ impl BodyMap {
             solid.owner = self.owner[self.slab.layout_index(image)];
             for a in (0..3).filter(|a| image[*a] != near[*a]) {
                 solid.cell[a] = image[a] + along.c[a];
-                solid.signs[a] = -1.0;
+                solid.signs[a] = -1;
             }
             return (solid.owner != FLUID).then_some(solid);
         }
@@ -160,7 +160,7 @@ impl BodyMap {
         &self,
         cell: [i32; 3],
         place: usize,
-        signs: [f64; 3],
+        signs: [i8; 3],
         gaps: &mut Gaps,
     ) -> Option<u32> {
         // A cell of a joint has no water of its own: surfaces are at rest there.
@@ -178,7 +178,7 @@ impl BodyMap {
     }
 
     /// Returns the bodies or the moving wall around a cell; none if a neighbour is at rest.
-    fn around(&self, cell: [i32; 3], place: usize, signs: [f64; 3]) -> Around {
+    fn around(&self, cell: [i32; 3], place: usize, signs: [i8; 3]) -> Around {
         let mut around = Around::default();
         for direction in 1..self.directions.len() {
             let Some(solid) = self.solid_beside(cell, place, direction) else {

@@ -146,7 +146,7 @@ impl BodyMap {
                     loads: mine_to_do && !between,
                     backed,
                 };
-                match self.gap_at(outer, outer_place, [1.0; 3], &mut links.gaps) {
+                match self.gap_at(outer, outer_place, [1; 3], &mut links.gaps) {
                     Some(gap) => links.narrow.push(GapLink { link, gap }),
                     None => links.open.push(link),
                 }

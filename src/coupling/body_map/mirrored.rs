@@ -59,7 +59,7 @@ impl BodyMap {
                     }
                     let outer = through.outer;
                     let beyond: [i32; 3] = self.beyond(&through);
-                    let sign = |a: usize| if beyond[a] == outer[a] { 1.0 } else { -1.0 };
+                    let sign = |a: usize| if beyond[a] == outer[a] { 1 } else { -1 };
                     let place = self.slab.layout_index(outer);
                     let gap = self.gap_at(outer, place, std::array::from_fn(sign), gaps);
                     found.extend(self.halves(&through, frame, gap, populations));

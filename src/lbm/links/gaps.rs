@@ -24,7 +24,7 @@ pub struct Neighbour {
     /// Centre of that cell in half cells, in the frame of the body's raw position.
     pub at: [i32; 3],
     /// Factor 1 of each component of the velocity; -1 across a plane of symmetry.
-    pub signs: [f64; 3],
+    pub signs: [i8; 3],
 }
 
 /// Cell of a narrow gap.
@@ -106,7 +106,7 @@ impl Gaps {
                 let velocity = surface_velocity::<D>(motion, r);
                 let count = f64::from(near.cells);
                 for a in 0..D {
-                    sum[a] += count * near.signs[a] * velocity[a];
+                    sum[a] += count * f64::from(near.signs[a]) * velocity[a];
                 }
                 cells += count;
             }
@@ -178,7 +178,7 @@ impl BodyLinks {
 mod tests {
     use super::*;
 
-    fn neighbour(entry: u32, cells: u32, signs: [f64; 3]) -> Neighbour {
+    fn neighbour(entry: u32, cells: u32, signs: [i8; 3]) -> Neighbour {
         Neighbour {
             tag: entry + 1,
             entry,
@@ -207,7 +207,7 @@ mod tests {
         ];
         let mut gaps = Gaps::default();
         let still = gaps.add([0; 3], [], None);
-        let around = [neighbour(0, 3, [1.0; 3]), neighbour(1, 2, [1.0, -1.0, 1.0])];
+        let around = [neighbour(0, 3, [1; 3]), neighbour(1, 2, [1, -1, 1])];
         let gap = gaps.add([3, 4, 0], around, None);
         gaps.renew::<2>(&motion, &[]);
         assert_eq!(gaps.find([3, 4, 0]), Some(gap));
