@@ -220,32 +220,13 @@ impl BodyMap {
                 planes[a] -= load[a];
             }
         }
-        let (links, gaps, still) = (
-            self.mirrored_joint_links(),
-            &Gaps::default(),
-            Rigid::default(),
-        );
+        let (links, half) = (self.mirrored_joint_links(), Scheme::HalfWay);
+        let (gaps, still) = (&Gaps::default(), &Rigid::default());
         let mut none: Load = [0; 6];
         if self.slab.dimension == 2 {
-            bounce_mirrored::<S, 2>(
-                populations,
-                Scheme::HalfWay,
-                links,
-                gaps,
-                &still,
-                &[],
-                &mut none,
-            );
+            bounce_mirrored::<S, 2>(populations, half, links, gaps, still, &[], &mut none);
         } else {
-            bounce_mirrored::<S, 3>(
-                populations,
-                Scheme::HalfWay,
-                links,
-                gaps,
-                &still,
-                &[],
-                &mut none,
-            );
+            bounce_mirrored::<S, 3>(populations, half, links, gaps, still, &[], &mut none);
         }
         Some(planes)
     }
