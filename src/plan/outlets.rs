@@ -8,6 +8,11 @@
 //! A fixed body covers what it meets, a driven body what its path meets, which is unstable. Where a free body goes is
 //! not known before the run: it may reach an outlet towards which water and weight carry it fast enough, and the plan
 //! warns. The water that does not leave must fill the domain to the limit of the density before the run ends.
+//!
+//! Beside a body that stays, the pressure p of the water drives a jet through the rest of the opening, of width w. Its
+//! speed U follows from the contraction of the jet and, in creeping flow, from the resistance of a slit (H. Hasimoto,
+//! J. Phys. Soc. Japan 13 (1958) 633): p/ρ = (U/0.61)²/2 + 32 ν U/(π w). With 12 of 14 cells of an outlet covered, and
+//! a density of 1.2, the discharge was 0.92 times that.
 
 use crate::driven_path;
 use crate::scene::Scene;
@@ -24,6 +29,8 @@ use std::f64::consts::PI;
 const CONTRACTION: f64 = 0.61;
 /// Number of positions on the path of a driven body.
 const POSITIONS: u32 = 64;
+/// Number of parts in which the density grows to its limit.
+const PARTS: u32 = 32;
 
 /// Reports the first body that can cover so much of an outlet that the rest lets the inflow out too fast.
 pub(super) fn check(scene: &Scene, findings: &mut Findings) {
@@ -46,8 +53,6 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
     if inflow <= 0.0 {
         return;
     }
-    let fastest = scene.guards.max_lattice_velocity * grid.spacing / flow.time_step;
-    let water = grid.cells.map(base::number::real).iter().product::<f64>() * grid.spacing;
     for (n, body) in scene.bodies.iter().enumerate() {
         for outlet in &outlets {
             let [covered, time] = match body.mobility {
@@ -59,18 +64,70 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
                     time_at_outlet(scene, flow, outlet, body),
                 ],
             };
-            let mut rest = (area - covered).max(0.0);
-            if body.mobility == Mobility::Fixed {
-                rest *= CONTRACTION;
-            }
-            // What does not leave fills the domain.
-            let filled = (inflow - fastest * rest).max(0.0) * time.max(0.0) / water;
-            if covered > 0.0 && filled > scene.guards.max_compression {
-                report(scene, (n, body), outlet, (covered, inflow / rest), findings);
+            let rest = (area - covered).max(0.0);
+            if covered > 0.0 && time_to_fill(scene, flow, body, (inflow, rest)) < time {
+                let contraction = if body.mobility == Mobility::Fixed {
+                    CONTRACTION
+                } else {
+                    1.0
+                };
+                let speed = inflow / (rest * contraction);
+                report(scene, (n, body), outlet, (covered, speed), findings);
                 return;
             }
         }
     }
+}
+
+/// Returns the time in which an inflow [cells m/s] fills the domain to the limit of the density while it leaves through
+/// a rest of the outlets \[cells\]; infinite if it comes to a balance before \[s\].
+fn time_to_fill(scene: &Scene, flow: &Flow, body: &NamedBody, (inflow, rest): (f64, f64)) -> f64 {
+    let grid = &scene.grid;
+    let limit = scene.guards.max_compression;
+    let fastest = scene.guards.max_lattice_velocity * grid.spacing / flow.time_step;
+    let outflow = |compression: f64| {
+        let speed = if body.mobility == Mobility::Fixed {
+            speed_beside(scene, flow, rest, compression).min(fastest)
+        } else {
+            fastest
+        };
+        speed * rest
+    };
+    let mut cells = grid.cells.map(base::number::real).iter().product::<f64>();
+    if body.mobility == Mobility::Fixed && grid.dimension == 2 {
+        let radius = 0.5 * width(body) / grid.spacing;
+        cells = (cells - PI * radius * radius).max(0.0);
+    }
+    let part = limit / f64::from(PARTS);
+    let times = (0..PARTS).map(|n| {
+        let stays = inflow - outflow(part * (f64::from(n) + 0.5));
+        if stays > 0.0 {
+            part * cells * grid.spacing / stays
+        } else {
+            f64::INFINITY
+        }
+    });
+    times.sum()
+}
+
+/// Returns the mean speed of the water through the rest of an outlet \[cells\] beside a body that stays, where its
+/// density exceeds that beyond the outlet by a part `compression` [m/s].
+fn speed_beside(scene: &Scene, flow: &Flow, rest: f64, compression: f64) -> f64 {
+    let h = scene.grid.spacing;
+    let sound_squared = (h / flow.time_step).powi(2) / 3.0;
+    let gap = if scene.grid.dimension == 2 {
+        rest
+    } else {
+        rest.sqrt()
+    };
+    // Coefficients of the resistance, quadratic and linear in the speed.
+    let squared = 0.5 / (CONTRACTION * CONTRACTION);
+    let linear = 32.0 / PI * flow.kinematic_viscosity / (gap * h);
+    if gap <= 0.0 {
+        return 0.0;
+    }
+    let root = (linear * linear + 4.0 * squared * compression * sound_squared).sqrt();
+    (root - linear) / (2.0 * squared)
 }
 
 /// Reports a body that can cover an area \[cells\] of an outlet, and the speed of the water through the rest [m/s].
@@ -276,6 +333,9 @@ mod tests {
         let narrow = finding(&fixed, [0.005, 0.014], 0.0).unwrap();
         assert!(narrow.contains("covers 8 of the 9 cells"), "{narrow}");
         assert_eq!(finding(&fixed, [0.0, 0.02], 0.0), None);
+        // Two of ten cells let the inflow of 0.4 cells² per step out at a lattice velocity of 0.2, or 0.33 in the jet,
+        // which takes a density of 1.16 and, with the resistance of the slit, 1.47.
+        assert!(finding(&fixed, [0.005, 0.015], 0.0).is_some());
     }
 
     #[test]
