@@ -297,9 +297,7 @@ pub(crate) fn choose_remaining(
         }
     }
     choose_extents_of_pressures(scene);
-    if written.coupling.is_none() {
-        solids::closed_pores(scene, findings);
-    }
+    solids::closed_pores(scene, written.coupling.is_some(), findings);
     let target = requested_accuracy(written).map(Accuracy::target);
     if scene.surface.is_some() {
         surface::promise(scene, target, findings);

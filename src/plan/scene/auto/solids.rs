@@ -80,22 +80,60 @@ pub(crate) fn move_without_law(case: &Case) -> bool {
     moving && !faces && !bonded
 }
 
-/// Warns that touching discs in 2-D leave no path for the fluid.
-pub(crate) fn closed_pores(scene: &Scene, findings: &mut Findings) {
-    if scene.grid.dimension == 2 && scene.flow.is_some() && scene.grains.is_some() {
+/// Warns that touching discs in 2-D leave no path for the fluid, unless their hydraulic radius leaves at least a cell
+/// between them. `stated`: the case states the coupling.
+///
+/// The water in a closed pore has no way out, and the cells that moving discs cover or free are whole: the density of
+/// a pore of a few cells swings by a cell in their number.
+pub(crate) fn closed_pores(scene: &Scene, stated: bool, findings: &mut Findings) {
+    /// Ratio of the hydraulic radius to the radius (Sibille, Lomine and Marot 2012).
+    const FACTOR: f64 = 0.8;
+    let Some(Coupling::BounceBack(written)) = &scene.coupling else {
+        return;
+    };
+    let (Some(_), Some(grains)) = (&scene.flow, &scene.grains) else {
+        return;
+    };
+    let smallest = grains.radii.map_or(0.0, |(smallest, _)| smallest);
+    let throat = |factor: f64| 2.0 * (1.0 - factor) * smallest / scene.grid.spacing;
+    let alone = grains.expected < 2;
+    if scene.grid.dimension != 2 || alone || throat(written.hydraulic_radius_factor) >= 1.0 {
+        return;
+    }
+    if !stated {
         findings.warn(
             "coupling",
-            "in 2-D touching discs close all pores between them, and the case defines no hydraulic radius",
+            "in 2-D touching discs close all pores between them, and the case defines no hydraulic radius; the water \
+             in a closed pore is compressed where discs move, and guards.max_compression may end the run",
             Remedy::from(
                 "for a permeable packing write for example \"coupling\": {\"bounce_back\": \
                  {\"hydraulic_radius_factor\": 0.8}}",
             )
             .set(
                 "coupling",
-                json!({"bounce_back": {"hydraulic_radius_factor": 0.8}}),
+                json!({"bounce_back": {"hydraulic_radius_factor": FACTOR}}),
             ),
         );
+        return;
     }
+    let path = "coupling.bounce_back.hydraulic_radius_factor";
+    let remedy = Remedy::from(
+        "use for example 0.8 with at least 5 cells per diameter, which leaves a cell of water between touching discs",
+    );
+    findings.warn(
+        path,
+        format!(
+            "{} leaves {} cells of water between discs that touch, so that they close all pores between them; the \
+             water in a closed pore is compressed where discs move, and guards.max_compression may end the run",
+            number(written.hydraulic_radius_factor),
+            number(throat(written.hydraulic_radius_factor))
+        ),
+        if throat(FACTOR) >= 1.0 {
+            remedy.set(path, FACTOR)
+        } else {
+            remedy
+        },
+    );
 }
 
 /// Returns `true` if the bodies of a case are in partially saturated cells of a fluid.
@@ -280,4 +318,54 @@ fn moving(scene: &Scene) -> Vec<MovingSolid> {
     }
     list.retain(|solid| solid.diameter > 0.0);
     list
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::Plan;
+    use case::Document;
+    use serde_json::{Value, json};
+    use std::path::Path;
+
+    /// Returns the paths of the warnings on closed pores of two discs of 10 cells.
+    fn warned(coupling: &Value) -> Vec<String> {
+        let mut case = json!({
+            "domain": {"size": [0.04, 0.02], "spacing": 0.0004},
+            "gravity": [0, -0.1],
+            "materials": {"glass": {"density": 2500}},
+            "fluid": {"lattice_boltzmann": {"density": 1000, "kinematic_viscosity": 1e-5, "relaxation_time": 0.8}},
+            "grains": {"material": "glass", "initial": {"list": [
+                {"position": [0.01, 0.01], "radius": 0.002}, {"position": [0.03, 0.01], "radius": 0.002}]}},
+            "contact": {"linear": {"friction_angle_degrees": 20, "normal_damping_ratio": 0.3}},
+            "time": {"end": 0.1}
+        });
+        if !coupling.is_null() {
+            case["coupling"] = coupling.clone();
+        }
+        let document = Document::read(&case.to_string(), &[], Path::new(".")).unwrap();
+        let warnings = Plan::prepare(document).unwrap().warnings;
+        let closed = warnings
+            .into_iter()
+            .filter(|p| p.reason.contains("close all pores"));
+        closed.map(|p| p.path).collect()
+    }
+
+    #[test]
+    fn discs_whose_hydraulic_radius_leaves_no_cell_between_them_are_reported() {
+        let factor = "coupling.bounce_back.hydraulic_radius_factor";
+        assert_eq!(warned(&Value::Null), ["coupling"]);
+        assert_eq!(
+            warned(&json!({"bounce_back": {"scheme": "half_way"}})),
+            [factor]
+        );
+        // 0.8 leaves two cells, 0.95 half a cell.
+        let with =
+            |factor: f64| warned(&json!({"bounce_back": {"hydraulic_radius_factor": factor}}));
+        assert_eq!(with(0.95), [factor]);
+        assert_eq!(with(0.8), Vec::<String>::new());
+        assert_eq!(
+            warned(&json!({"partially_saturated": {}})),
+            Vec::<String>::new()
+        );
+    }
 }
