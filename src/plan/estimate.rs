@@ -18,6 +18,7 @@ use crate::scene::auto::Subject;
 use crate::scene::bodies::Mobility;
 use crate::scene::findings::{Findings, number};
 use crate::scene::grains::{GrainSource, Grains};
+use crate::scene::machine;
 use crate::scene::observe::{ObservedRegion, RegionAction};
 use crate::scene::pairs::TOUCHES;
 use base::error::Remedy;
@@ -394,11 +395,7 @@ impl Estimate {
     }
 
     fn against_machine(&self, scene: &Scene, findings: &mut Findings) {
-        let stated = scene
-            .guards
-            .memory_gib
-            .map(|gib| gib * 1024.0 * 1024.0 * 1024.0);
-        let Some(available) = stated.or_else(machine_memory) else {
+        let Some(available) = machine::memory(scene.guards.memory_gib) else {
             return;
         };
         if self.memory_bytes > available || self.memory_bytes.is_nan() {
@@ -457,14 +454,6 @@ pub(crate) fn size(bytes: f64) -> String {
     }
 }
 
-/// Returns the memory of this machine \[bytes\], if the system reports it.
-fn machine_memory() -> Option<f64> {
-    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let line = text.lines().find(|line| line.starts_with("MemTotal:"))?;
-    let kib: f64 = line.split_whitespace().nth(1)?.parse().ok()?;
-    Some(kib * 1024.0)
-}
-
 #[cfg(test)]
 mod tests {
     use crate::Plan;
@@ -514,6 +503,19 @@ mod tests {
         let plan = planned("taylor-green", &[&spacing, limit]).unwrap();
         let memory = plan.estimate.memory_bytes / (8.0 * 1024.0_f64.powi(3));
         assert!((0.6..=0.8).contains(&memory), "{memory}");
+    }
+
+    /// Checks that a grid of 1e10 cells is refused before anything is allocated for each of them.
+    #[test]
+    fn too_many_cells_of_seepage_are_refused_at_once() {
+        let problems = planned(
+            "sheet-pile",
+            &["fluid.darcy.grid={\"cells\": [100000, 100000]}"],
+        );
+        let problems = problems.unwrap_err();
+        let paths: Vec<&str> = problems.iter().map(|p| p.path.as_str()).collect();
+        assert_eq!(paths, ["fluid.darcy.grid"], "{problems:#?}");
+        assert!(problems[0].reason.contains("1.000e10 cells"), "{}", problems[0]);
     }
 
     /// Checks the contacts of a regular packing against a count of its pairs, and its time against that measured on a

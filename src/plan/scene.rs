@@ -23,6 +23,7 @@ pub mod grid;
 pub mod initial;
 pub mod joint_methods;
 pub mod joints;
+pub(crate) mod machine;
 mod motion;
 pub mod observe;
 mod overlaps;

@@ -2,6 +2,7 @@
 
 use super::{CostQuantities, Estimate, disk};
 use crate::scene::Scene;
+use crate::scene::seepage::CELL_BYTES;
 use base::number::real;
 use case::coupling::Coupling;
 use case::fluid::Precision;
@@ -31,10 +32,6 @@ const LINKED: f64 = 8.0;
 const MAP_GHOSTS: f64 = 4.0;
 /// Memory of the links of a cell at the surface of a solid \[bytes\].
 const SURFACE: f64 = 300.0;
-/// Memory per cell of the seepage, on every rank \[bytes\]: coefficients, vectors, multigrid levels and the state
-/// before a coupling. Measured as the difference of two sizes: 1,068 in space (216,000 and 729,000 cells), 1,145 in a
-/// plane.
-const SEEPAGE: f64 = 1150.0;
 /// Additional memory per cell if grains move \[bytes\]: sums over the grains of a cell, and channels of open water.
 /// Measured: 900.
 const GRAINS_IN_SEEPAGE: f64 = 900.0;
@@ -115,7 +112,7 @@ pub(super) fn count(estimate: &mut Estimate, scene: &Scene, amounts: &CostQuanti
         } else {
             0.0
         };
-        estimate.bytes_per_cell = SEEPAGE + drains + stores + cuts + grains;
+        estimate.bytes_per_cell = CELL_BYTES + drains + stores + cuts + grains;
         memory += amounts.seepage_cells * estimate.bytes_per_cell;
     }
     memory += amounts.joint_bytes;
