@@ -22,6 +22,14 @@ const MAX_CELLS: usize = 2_000_000;
 const CONSIDERABLE: f64 = 0.25;
 /// Open part of an opening below which it does not hold the pressure of the water.
 const MOSTLY_COVERED: f64 = 0.25;
+/// Sections without errors on which the findings depend.
+const DEPENDS: &[&str] = &[
+    "domain",
+    "fluid.lattice_boltzmann.boundaries",
+    "structures",
+    "bodies",
+    "blocks",
+];
 /// Mark of a cell inside a solid, and of one that was not reached yet.
 const SOLID: u32 = u32::MAX;
 const NEW: u32 = u32::MAX - 1;
@@ -66,6 +74,7 @@ pub(crate) fn check(flow: &Flow, grid: &Grid, solids: &Obstacles<'_>, findings: 
             ),
             "leave a gap of at least one cell, or remove the opening",
         );
+        findings.depends(DEPENDS);
         return;
     }
     for body in bodies {
@@ -87,6 +96,7 @@ pub(crate) fn check(flow: &Flow, grid: &Grid, solids: &Obstacles<'_>, findings: 
             ),
             "leave a gap of at least one cell, or remove the opening",
         );
+        findings.depends(DEPENDS);
         return;
     }
     free_pressures(&met, findings);
@@ -126,6 +136,7 @@ fn free_pressures(openings: &[MetOpening<'_>], findings: &mut Findings) {
             Remedy::from("state its mean pressure, or leave a wider gap".to_owned())
                 .set(path.clone(), 0.0),
         );
+        findings.depends(DEPENDS);
     }
 }
 

@@ -6,6 +6,7 @@ use super::grid::Grid;
 use super::motion::{motion, needs_density};
 use super::rock::joints::{JointSet, Spacing, upward_normal};
 use super::rock::{RockMass, list};
+use super::sample::REMEDY;
 use super::{material, stl};
 use base::number::real;
 use case::Case;
@@ -344,25 +345,25 @@ fn surface(
     findings: &mut Findings,
 ) -> Option<PlacedPolyhedron> {
     let origin = mesh.origin.as_ref().map_or([0.0; 3], |at| at.to_array());
-    let file = case.directory.join(&mesh.path);
-    let read = io::plain::bytes(&file, io::plain::LONGEST_INPUT)
-        .map_err(|e| e.to_string())
-        .and_then(|bytes| {
-            let origin = Vector3::from(origin);
-            stl::triangles(&bytes, mesh.scale, &origin).map_err(|e| e.to_string())
-        });
+    let path_of_file = format!("{path}.path");
+    let triangles = match stl::load(&case.directory, mesh, origin, stl::triangles) {
+        Ok(triangles) => triangles,
+        Err(reason) => {
+            findings.error(&path_of_file, reason, REMEDY);
+            return None;
+        }
+    };
     let size = case.domain.size.to_array();
-    if let (Ok(triangles), true) = (&read, size.iter().all(|length| *length > 0.0)) {
+    if size.iter().all(|length| *length > 0.0) {
         let extent = stl::extent(triangles.iter().flatten().copied());
         let shape = path.trim_end_matches(".mesh");
         if !judge_unit(mesh, &extent, &size, shape, findings) {
             return None;
         }
     }
-    let made = read
-        .and_then(|triangles| Polyhedron::from_triangles(&triangles).map_err(|e| e.to_string()))
-        .map_err(|e| format!("{}: {e}", mesh.path.display()));
-    usable(made, &format!("{path}.path"), findings)
+    let made =
+        Polyhedron::from_triangles(&triangles).map_err(|e| format!("{}: {e}", mesh.path.display()));
+    usable(made, &path_of_file, findings)
 }
 
 /// Returns the solid of a shape, rotated about its centroid, or reports findings.

@@ -241,7 +241,9 @@ fn part(
             cells = [within(ends[0].floor()), within(ends[1].ceil())];
         }
         [patch.from[a], patch.to[a]] = cells;
-        if cells[0] >= cells[1] && written[0] < written[1] {
+        // A box outside the domain is reported where it is read.
+        let inside = written[0] < grid.size[a] && written[1] > 0.0;
+        if cells[0] >= cells[1] && written[0] < written[1] && inside {
             findings.error(
                 path,
                 "the patch does not contain the centre of any cell",

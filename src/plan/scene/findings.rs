@@ -350,4 +350,69 @@ mod tests {
         *position = json!([0.1, 0.1]);
         assert_eq!(errors(&case), ["blocks.initial.list[1].position"]);
     }
+
+    /// Checks that a patch outside of the domain, a face that 2-D does not have, the unknown material of two walls and
+    /// a mesh that is missing give one finding each: an opening that was not read is not missed by the water of another.
+    #[test]
+    fn what_depends_on_a_wrong_field_is_not_a_second_finding() {
+        let position = [0.006, 0.005, 0.005];
+        let case = |size: &[f64], shape: Value, outlet: Value, material: &str| {
+            json!({
+                "domain": {"size": size, "spacing": 0.0005},
+                "materials": {"steel": {"density": 7800}},
+                "fluid": {"lattice_boltzmann": {
+                    "density": 1000, "kinematic_viscosity": 1e-5, "relaxation_time": 0.8, "boundaries": [
+                        {"name": "in", "face": "x_min", "condition": {"velocity": {
+                            "profile": {"parabolic": {"peak": 0.01}}, "ramp_time": 0.1}}},
+                        outlet]}},
+                "bodies": [{"name": "rod", "shape": shape, "position": position[..size.len()],
+                            "motion": {"fixed": {}}, "material": "steel"}],
+                "box_walls": ["y_min", "y_max"], "box_wall_material": material,
+                "time": {"end": 0.5}
+            })
+        };
+        let (plane, space) = ([0.02, 0.01], [0.02, 0.01, 0.01]);
+        let outlet = |face: &str, from: f64, to: f64| {
+            json!({"name": "out", "face": face, "condition": {"pressure": {"value": 0}},
+                   "patch": {"from": [0.0, from], "to": [0.02, to]}})
+        };
+        let open = json!({"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}});
+        let disc = json!({"disc": {"radius": 0.0015}});
+        let mesh = json!({"mesh": {"path": "missing.stl"}});
+        let patch = "fluid.lattice_boltzmann.boundaries[1].patch";
+        let face = "fluid.lattice_boltzmann.boundaries[1].face";
+        for (case, path) in [
+            (
+                case(&plane, disc.clone(), outlet("x_max", 0.5, 0.9), "steel"),
+                patch,
+            ),
+            (
+                case(
+                    &plane,
+                    disc.clone(),
+                    outlet("x_max", 0.0051, 0.0052),
+                    "steel",
+                ),
+                patch,
+            ),
+            (
+                case(&plane, disc.clone(), outlet("x_max", 0.008, 0.004), "steel"),
+                patch,
+            ),
+            (
+                case(&plane, disc.clone(), outlet("z_max", 0.002, 0.004), "steel"),
+                face,
+            ),
+            (
+                case(&plane, disc, open.clone(), "gold"),
+                "box_wall_material",
+            ),
+            (
+                case(&space, mesh, open, "steel"),
+                "bodies[0].shape.mesh.path",
+            ),
+        ] {
+            assert_eq!(errors(&case), [path], "{case}");
+        }
+    }
 }

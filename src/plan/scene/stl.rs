@@ -8,9 +8,11 @@
 //! precision, names the line in its messages, and compares the number of triangles with the length of the file
 //! before it allocates memory.
 
+use base::geometry::Mesh;
 use dem::FacetSurface;
 use nalgebra::Vector3;
 use std::collections::HashMap;
+use std::path::Path;
 
 /// Maximum distance of corners that are merged, relative to the extent of the surface.
 const MERGE_DISTANCE: f64 = 1e-7;
@@ -52,6 +54,18 @@ pub(crate) enum StlError {
         needed: u64,
         found: usize,
     },
+}
+
+/// Returns what `read` finds in the file of a mesh, which is shifted by `origin` \[m\], or a reason that names the file.
+pub(crate) fn load<T>(
+    directory: &Path,
+    mesh: &Mesh,
+    origin: [f64; 3],
+    read: impl Fn(&[u8], f64, &Vector3<f64>) -> Result<T, StlError>,
+) -> Result<T, String> {
+    let bytes = io::plain::bytes(&directory.join(&mesh.path), io::plain::LONGEST_INPUT)
+        .map_err(|e| e.to_string())?;
+    read(&bytes, mesh.scale, &origin.into()).map_err(|e| format!("{}: {e}", mesh.path.display()))
 }
 
 /// Returns the surface of a file, scaled by `scale` metres per unit of the file and shifted by `origin` \[m\].

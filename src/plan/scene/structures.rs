@@ -9,7 +9,6 @@ use base::number::{floor_i64, real, whole};
 use case::Case;
 use case::fluid::Fluid;
 use case::structures::Stops;
-use nalgebra::Vector3;
 use serde::Serialize;
 use std::sync::Arc;
 use structure::{Frame, Images, Shape};
@@ -109,14 +108,7 @@ pub(crate) fn images(
     };
     let read = |mesh: &base::geometry::Mesh| {
         let origin = mesh.origin.as_ref().map_or([0.0; 3], |at| at.to_array());
-        let file = case.directory.join(&mesh.path);
-        let triangles = io::plain::bytes(&file, io::plain::LONGEST_INPUT)
-            .map_err(|e| e.to_string())
-            .and_then(|bytes| {
-                let origin = Vector3::from(origin);
-                stl::triangles(&bytes, mesh.scale, &origin).map_err(|e| e.to_string())
-            })
-            .map_err(|e| format!("{}: {e}", mesh.path.display()))?;
+        let triangles = stl::load(&case.directory, mesh, origin, stl::triangles)?;
         Ok(triangles.into_iter().map(|t| t.map(Into::into)).collect())
     };
     let solid = written.solid(&frame, path, &read, findings)?;

@@ -347,7 +347,7 @@ fn check_face(grid: &Grid, face: Face, twice: bool, path: &str, findings: &mut F
     }
 }
 
-/// Returns the index of the material of walls on faces; a missing one is reported at the first wall only.
+/// Returns the index of the material of walls on faces; a missing or unknown one is reported at the first wall only.
 fn box_material(
     case: &Case,
     names: &[String],
@@ -356,7 +356,11 @@ fn box_material(
 ) -> Option<usize> {
     let path = "box_wall_material";
     if let Some(name) = &case.box_wall_material {
-        return material(names, name, path, findings);
+        return if first {
+            material(names, name, path, findings)
+        } else {
+            names.iter().position(|known| known == name)
+        };
     }
     let usual = usual_material(case);
     if usual.is_none() && first {
@@ -635,11 +639,5 @@ fn triangles(
     let origin = mesh.origin.as_ref().map_or([0.0; 3], |at| {
         AlignedBox::vector(grid, at, &format!("{path}.origin"), findings)
     });
-    io::plain::bytes(&case.directory.join(&mesh.path), io::plain::LONGEST_INPUT)
-        .map_err(|e| e.to_string())
-        .and_then(|bytes| {
-            let origin = Vector3::from(origin);
-            stl::read(&bytes, mesh.scale, &origin).map_err(|e| e.to_string())
-        })
-        .map_err(|e| format!("{}: {e}", mesh.path.display()))
+    stl::load(&case.directory, mesh, origin, stl::read)
 }
