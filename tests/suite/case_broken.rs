@@ -228,6 +228,15 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "coupling.bounce_back.hydraulic_radius_factor",
     ),
     (
+        "two rules for narrow gaps",
+        "piping",
+        Set(&[
+            "coupling.bounce_back.drop_wall_velocity_at_solid_neighbours=5",
+            "coupling.bounce_back.mean_wall_velocity_at_solid_neighbours=6",
+        ]),
+        "coupling.bounce_back.drop_wall_velocity_at_solid_neighbours",
+    ),
+    (
         "one checkpoint",
         "piping",
         Set(&["checkpoint.keep=1"]),
