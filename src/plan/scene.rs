@@ -360,7 +360,11 @@ impl Scene {
                 bodies: &solids.bodies,
                 blocks: solids.blocks.as_ref(),
             };
-            blocked::check(flow, &grid, &obstacles, findings);
+            let pockets = (!auto::solids::in_saturated_cells(case)).then_some(blocked::Pockets {
+                end: case.time.end,
+                max_compression: case.guards.max_compression,
+            });
+            blocked::check(flow, &grid, &obstacles, pockets, findings);
         }
         let seepage = seepage::Seepage::resolve(case, &grid, grains, structures, findings);
         let rock = (solids.blocks.as_ref(), solids.contact.as_ref());

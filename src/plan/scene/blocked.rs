@@ -13,6 +13,7 @@ use base::number::{real, whole};
 use case::geometry::Face;
 use dem::polyhedron::PlacedPolyhedron;
 use lbm::boundary::Inflow;
+use lbm::lattice::VelocitySet;
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 
@@ -22,6 +23,9 @@ const MAX_CELLS: usize = 2_000_000;
 const CONSIDERABLE: f64 = 0.25;
 /// Open part of an opening below which it does not hold the pressure of the water.
 const MOSTLY_COVERED: f64 = 0.25;
+/// Velocity at the rim of an opening, in mean velocities: that of a parabola half a cell from the wall is 3 over the
+/// number of cells.
+const RIM: f64 = 0.1;
 /// Sections without errors on which the findings depend.
 const DEPENDS: &[&str] = &[
     "domain",
@@ -41,9 +45,24 @@ pub(crate) struct Obstacles<'a> {
     pub(crate) blocks: Option<&'a PlacedBlocks>,
 }
 
+/// Water in pockets between solids with links; in saturated cells it passes the cells that a body covers in part.
+#[derive(Clone, Copy)]
+pub(crate) struct Pockets {
+    /// End of the run \[s\].
+    pub(crate) end: f64,
+    /// Change of the density that ends the run.
+    pub(crate) max_compression: f64,
+}
+
 /// Reports openings whose imposed flow cannot leave because solids close the domain, and openings with a free pressure
 /// in a part of the water that reaches no pressure.
-pub(crate) fn check(flow: &Flow, grid: &Grid, solids: &Obstacles<'_>, findings: &mut Findings) {
+pub(crate) fn check(
+    flow: &Flow,
+    grid: &Grid,
+    solids: &Obstacles<'_>,
+    pockets: Option<Pockets>,
+    findings: &mut Findings,
+) {
     let stops = |structure: &&Structure| structure.stops.water();
     let structures: Vec<&Structure> = solids.structures.iter().filter(stops).collect();
     let fixed = |body: &&NamedBody| body.mobility == Mobility::Fixed;
@@ -61,10 +80,14 @@ pub(crate) fn check(flow: &Flow, grid: &Grid, solids: &Obstacles<'_>, findings: 
     {
         return;
     }
+    let beside = neighbours(grid, 1);
+    let met = |marks: &[u32], beside: &[[usize; 3]]| {
+        openings_met(flow, grid, &parts(grid, marks.to_vec(), beside))
+    };
     let mut marks = vec![NEW; grid.cells.iter().product()];
     mark_structures(&mut marks, grid, &structures);
     if !structures.is_empty()
-        && let Some(patch) = imposed_without_way_out(&openings_met(flow, grid, marks.clone()))
+        && let Some(patch) = imposed_without_way_out(&met(&marks, &beside))
     {
         findings.error(
             &path_of_imposed(patch),
@@ -85,8 +108,8 @@ pub(crate) fn check(flow: &Flow, grid: &Grid, solids: &Obstacles<'_>, findings: 
         let ball = (block.position.into(), block.shape.radius());
         mark_body(&mut marks, grid, ball, Some(block));
     }
-    let met = openings_met(flow, grid, marks);
-    if let Some(patch) = imposed_without_way_out(&met) {
+    let all = met(&marks, &beside);
+    if let Some(patch) = imposed_without_way_out(&all) {
         findings.unstable(
             &path_of_imposed(patch),
             format!(
@@ -99,7 +122,57 @@ pub(crate) fn check(flow: &Flow, grid: &Grid, solids: &Obstacles<'_>, findings: 
         findings.depends(DEPENDS);
         return;
     }
-    free_pressures(&met, findings);
+    free_pressures(&all, findings);
+    if let Some(pockets) = pockets {
+        // Populations of links pass between two cells of a solid that touch at an edge or a corner.
+        let reach = if flow.lattice == VelocitySet::D3Q27 {
+            3
+        } else {
+            2
+        };
+        let part = parts(grid, marks, &neighbours(grid, reach));
+        fed_pocket(
+            &openings_met(flow, grid, &part),
+            grid,
+            &part,
+            pockets,
+            findings,
+        );
+    }
+}
+
+/// Reports the first opening that feeds a closed pocket of water until the guard of the density ends the run.
+fn fed_pocket(
+    openings: &[MetOpening<'_>],
+    grid: &Grid,
+    part: &[u32],
+    pockets: Pockets,
+    findings: &mut Findings,
+) {
+    let open = |number: &u32| {
+        let mut free = openings.iter().filter(|one| one.free);
+        free.any(|one| one.parts.contains_key(number))
+    };
+    for one in openings.iter().filter(|one| one.imposed != 0.0) {
+        for (number, cells) in one.parts.iter().filter(|(number, _)| !open(number)) {
+            let size = part.iter().filter(|known| *known == number).count();
+            let way = RIM * one.imposed.abs() * pockets.end / grid.spacing;
+            if way * real(*cells) <= pockets.max_compression * real(size) {
+                continue;
+            }
+            findings.unstable(
+                &path_of_imposed(one.patch),
+                format!(
+                    "the water of `{}` in {cells} of its {} cells cannot reach another opening: fixed bodies enclose a \
+                     pocket of {size} cells there, whose density changes until the run ends",
+                    one.patch.name, one.cells
+                ),
+                "move the bodies away from the opening, or end its patch in front of them",
+            );
+            findings.depends(DEPENDS);
+            return;
+        }
+    }
 }
 
 /// Reports the first opening with the state of the water that reaches an imposed flow but no imposed pressure, if there
@@ -178,10 +251,9 @@ fn path_of_imposed(patch: &ScenePatch) -> String {
     path.unwrap_or_else(|| format!("{PATH}.boundaries"))
 }
 
-/// Returns the openings with the connected parts of the water that they meet, from cells with the mark of a solid or of
-/// a new cell.
-fn openings_met<'a>(flow: &'a Flow, grid: &Grid, marks: Vec<u32>) -> Vec<MetOpening<'a>> {
-    let part = parts(grid, marks);
+/// Returns the openings with the connected parts of the water that they meet; `part` has that of each cell, or the mark
+/// of a solid.
+fn openings_met<'a>(flow: &'a Flow, grid: &Grid, part: &[u32]) -> Vec<MetOpening<'a>> {
     let openings = openings(flow.patches(), grid);
     let mut found: Vec<MetOpening<'a>> = Vec::new();
     for face in Face::ALL {
@@ -316,8 +388,29 @@ fn mark_body(
     }
 }
 
-/// Returns the connected part to which each cell belongs.
-fn parts(grid: &Grid, mut part: Vec<u32>) -> Vec<u32> {
+/// Returns the offsets to the neighbours of a cell that are at most `most` steps along axes away, one along each.
+fn neighbours(grid: &Grid, most: usize) -> Vec<[usize; 3]> {
+    // An offset of -1 as that of a periodic axis.
+    let offsets = |a: usize| {
+        if a < grid.dimension {
+            vec![0, 1, grid.cells[a] - 1]
+        } else {
+            vec![0]
+        }
+    };
+    let mut all = Vec::new();
+    for z in offsets(2) {
+        for y in offsets(1) {
+            all.extend(offsets(0).into_iter().map(|x| [x, y, z]));
+        }
+    }
+    let steps = |offset: &[usize; 3]| offset.iter().filter(|n| **n > 0).count();
+    all.retain(|offset| (1..=most).contains(&steps(offset)));
+    all
+}
+
+/// Returns the connected part to which each cell belongs, where each cell is connected to its neighbours.
+fn parts(grid: &Grid, mut part: Vec<u32>, neighbours: &[[usize; 3]]) -> Vec<u32> {
     let cells = grid.cells;
     let mut next = 0;
     let mut stack = Vec::new();
@@ -333,17 +426,13 @@ fn parts(grid: &Grid, mut part: Vec<u32>) -> Vec<u32> {
                 at / cells[0] % cells[1],
                 at / (cells[0] * cells[1]),
             ];
-            for a in 0..grid.dimension {
-                for step in [cells[a] - 1, 1] {
-                    let mut other = cell;
-                    other[a] = (cell[a] + step) % cells[a];
-                    let wraps = cell[a].abs_diff(other[a]) > 1;
-                    let near = !wraps || grid.periodic[a];
-                    let to = index(grid, other);
-                    if near && part[to] == NEW {
-                        part[to] = next;
-                        stack.push(to);
-                    }
+            for offset in neighbours {
+                let other: [usize; 3] = std::array::from_fn(|a| (cell[a] + offset[a]) % cells[a]);
+                let near = (0..3).all(|a| grid.periodic[a] || cell[a].abs_diff(other[a]) <= 1);
+                let to = index(grid, other);
+                if near && part[to] == NEW {
+                    part[to] = next;
+                    stack.push(to);
                 }
             }
         }
@@ -414,5 +503,36 @@ mod tests {
             Some(Severity::Unstable)
         );
         assert_eq!(finding([0.028, 0.002], &wall, words), None);
+    }
+
+    /// Checks that a disc of 5 cells in radius whose links close the corner of an inlet is named, not one whose
+    /// saturated cells let the water pass, and not one a cell away from the wall.
+    #[test]
+    fn a_pocket_that_an_inlet_feeds_is_named() {
+        let severity = |y: f64, coupling: Value| {
+            let case = json!({
+                "domain": {"size": [0.008, 0.013], "spacing": 0.0005},
+                "materials": {"steel": {"density": 7800}},
+                "fluid": {"lattice_boltzmann": {
+                    "density": 1000, "kinematic_viscosity": 1e-5, "relaxation_time": 0.8, "boundaries": [
+                        {"name": "in", "face": "x_min", "condition": {"velocity": {
+                            "profile": {"parabolic": {"peak": 0.004}}, "ramp_time": 0.1}}},
+                        {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}}]}},
+                "bodies": [{"name": "plug", "shape": {"disc": {"radius": 0.0025}}, "position": [0.0027, y],
+                            "motion": {"fixed": {}}, "material": "steel"}],
+                "coupling": coupling,
+                "time": {"end": 5}
+            });
+            let document = Document::read(&case.to_string(), &[], Path::new(".")).unwrap();
+            let plan = Plan::prepare(document).unwrap();
+            let mut found = plan.warnings.iter();
+            found
+                .find(|p| p.reason.contains("enclose a pocket"))
+                .map(|p| p.severity)
+        };
+        let links = json!({"bounce_back": {"scheme": "half_way"}});
+        assert_eq!(severity(0.0103, links.clone()), Some(Severity::Unstable));
+        assert_eq!(severity(0.0103, json!({"partially_saturated": {}})), None);
+        assert_eq!(severity(0.0097, links), None);
     }
 }
