@@ -515,7 +515,11 @@ mod tests {
         let problems = problems.unwrap_err();
         let paths: Vec<&str> = problems.iter().map(|p| p.path.as_str()).collect();
         assert_eq!(paths, ["fluid.darcy.grid"], "{problems:#?}");
-        assert!(problems[0].reason.contains("1.000e10 cells"), "{}", problems[0]);
+        assert!(
+            problems[0].reason.contains("1.000e10 cells"),
+            "{}",
+            problems[0]
+        );
     }
 
     /// Checks the contacts of a regular packing against a count of its pairs, and its time against that measured on a

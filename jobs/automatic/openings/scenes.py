@@ -3,7 +3,7 @@
     python3 scenes.py --solver SOLVER --output DIR --table results.csv --seed 50 --count 300 [--most-seconds 20]
     python3 scenes.py --table results.csv --summary
 
-With `--moving` the scenes are bodies that are driven, settle or rise in fluid without openings.
+With `--moving` the scenes are bodies that are driven, settle or rise in fluid without openings, with `--suspended` many grains that do.
 
 Each scene is drawn from a family by its number and the seed: ducts and channels from laminar to turbulent, sudden and ramped starts, long and narrow
 passages, jets from patches, bodies at random places, wakes that reach the outlet, screens, structures, pressures at both ends, outflows, stated
@@ -299,8 +299,46 @@ def grid_of(draw, case, diameter, speed):
     case["coupling"] = draw.choice([{"bounce_back": {"scheme": "interpolated"}}, {"bounce_back": {"scheme": "half_way"}}, {"partially_saturated": {}}])
 
 
+def suspension(draw):
+    """Many grains that start to settle or rise at once in a closed box."""
+    dimension = draw.choice([2, 2, 3])
+    diameter = 10 ** draw.uniform(-3.3, -2)
+    across = [draw.uniform(5, 14) for _ in range(dimension)] if dimension == 2 else [draw.uniform(3, 6) for _ in range(dimension)]
+    across[-1] *= draw.uniform(1, 2)
+    size = [diameter * edge for edge in across]
+    fluid = dict(draw.choice([WATER, OIL]))
+    density = draw.choice([700, 1200, 1500, 2650])
+    speed = 10 ** draw.uniform(0, 2) * fluid["kinematic_viscosity"] / diameter
+    share = draw.uniform(0.05, 0.35 if dimension == 2 else 0.25)
+    volume = 0.785 if dimension == 2 else 0.524
+    number = max(2, round(share * math.prod(across) / volume))
+    places = []
+    for _ in range(200 * number):
+        at = [draw.uniform(0.55, edge - 0.55) for edge in across]
+        if len(places) < number and all(math.dist(at, other) > 1.05 for other in places):
+            places.append(at)
+    case = case_of(draw, size, fluid, [], draw.uniform(0.3, 1) * size[-1] / speed)
+    lighter = abs(density / fluid["density"] - 1)
+    reynolds = speed * diameter / fluid["kinematic_viscosity"]
+    drag = 24 / reynolds * (1 + 0.15 * reynolds**0.687)
+    case["gravity"] = [0] * (dimension - 1) + [-0.75 * drag * speed**2 / (lighter * diameter)]
+    case["materials"] = {"steel": {"density": density}}
+    case["box_walls"] = [f"{'xyz'[axis]}_{end}" for axis in range(dimension) for end in ("min", "max")]
+    energy = max(speed**2, 2 * size[-1] * lighter * abs(case["gravity"][-1]))
+    stiffness = 1e4 * density * diameter ** (dimension - 2) * energy
+    case["contact"] = {"linear": {"normal_stiffness": {"absolute": stiffness}, "friction_angle_degrees": 20}}
+    grid_of(draw, case, diameter, speed)
+    scale = [edge / old for edge, old in zip(case["domain"]["size"], size)]
+    case["grains"] = {
+        "material": "steel",
+        "initial": {"list": [{"position": [x * diameter * s for x, s in zip(at, scale)], "radius": 0.5 * diameter} for at in places]},
+    }
+    return case
+
+
 FAMILIES = [channel, long_channel, transitional, duct, turbulent, jet, disc, sphere, slit, structures, pressures, stated]
 MOVING = [driven, settling]
+SUSPENDED = [suspension]
 
 
 def planned(options, path):
@@ -319,7 +357,7 @@ def words_of(text):
 
 
 def scene(options, number):
-    families = MOVING if options.moving else FAMILIES
+    families = MOVING if options.moving else SUSPENDED if options.suspended else FAMILIES
     family = families[number % len(families)]
     draw = random.Random(f"{options.seed}-{number}")
     case = family(draw)
@@ -372,7 +410,7 @@ def read(table):
 def summary(rows):
     print("| family | scenes | valid | of these failed | unstable | of these ran | refused | left out |")
     print("|---|---|---|---|---|---|---|---|")
-    families = [family.__name__ for family in [*FAMILIES, *MOVING]]
+    families = [family.__name__ for family in [*FAMILIES, *MOVING, *SUSPENDED]]
     for name in [*families, "all"]:
         if not any(name in ("all", row["family"]) for row in rows):
             continue
@@ -394,6 +432,7 @@ def main():
     words.add_argument("--count", type=int, default=300)
     words.add_argument("--most-seconds", type=float, default=20)
     words.add_argument("--moving", action="store_true")
+    words.add_argument("--suspended", action="store_true")
     words.add_argument("--summary", action="store_true")
     options = words.parse_args()
     rows = read(options.table)

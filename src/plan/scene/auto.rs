@@ -33,6 +33,7 @@ pub mod sound;
 pub(crate) mod spacing;
 pub(crate) mod step;
 pub mod surface;
+mod suspended;
 
 use super::Scene;
 use super::bodies::Mobility;
@@ -287,6 +288,8 @@ pub(crate) fn choose_remaining(
         scene.density_causes = density::flow_causes(scene, flow, &narrow_gaps);
         let of_bodies = moving::causes(scene, flow);
         scene.density_causes.extend(of_bodies);
+        let of_weight = suspended::cause(scene, flow);
+        scene.density_causes.extend(of_weight);
     }
     if let (Some(accuracy), Some(lbm)) = (requested_accuracy(written), lattice) {
         scene.chosen.accuracy = Some(accuracy);
