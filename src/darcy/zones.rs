@@ -577,7 +577,9 @@ impl ZonePermeability {
             let stands = |medium: &u32| zones.media[*medium as usize].applies_without_grains();
             self.bodies[cell] = !self.grains[n] && here.iter().any(stands);
             self.ground[cell] = self.grains[n];
-            self.free[cell] = 1.0 - zones.part(divided, Medium::applies_without_grains);
+            let free = 1.0 - zones.part(divided, Medium::applies_without_grains);
+            // The fractions of the boxes of a full cell add up to one except for rounding.
+            self.free[cell] = if free > ON_THE_EDGE { free } else { 0.0 };
             let own = |medium: u32| {
                 let stated = zones.media[medium as usize].porosity(self.grains[n]);
                 stated.unwrap_or(self.porosity[n])

@@ -193,3 +193,25 @@ fn nodes_of_a_raster_stand_for_the_points_around_them() {
         assert!((k[0] / exact - 1.0).abs() < 1e-14, "{index} {k:?}");
     }
 }
+
+/// Checks that no open water remains in cells that zones fill, wherever their boundaries cut the cells: the fractions of
+/// the boxes add up to one except for rounding.
+#[test]
+fn cut_cells_that_zones_fill_hold_no_open_water() {
+    let grid = grid(3);
+    let mut rounded = 0;
+    for n in 1..200 {
+        let at = |k: u32| f64::from(n * k % 199) / 199.0;
+        let mut zones = vec![layer(0, -1.0, 1e9, 1e-10)];
+        zones.extend((0..3).map(|axis| layer(axis, 0.1, 0.1 + at(7 + axis as u32), 1e-12)));
+        let zones = Zones::new(&grid, &zones);
+        let mut room = ZonePermeability::new(&zones, grid.count());
+        room.replace_porosity(&zones, &mut vec![0.4; grid.count()], |_| false);
+        for divided in &zones.cells {
+            let part = zones.part(divided, Medium::applies_without_grains);
+            rounded += usize::from(part.total_cmp(&1.0).is_lt());
+            assert!(room.free(divided.cell).abs() <= 0.0, "{n}");
+        }
+    }
+    assert!(rounded > 0);
+}
