@@ -2,12 +2,21 @@
 //!
 //! It stops when the largest imbalance of a cell is below the tolerance times the largest flow through an imposed
 //! pressure, or the largest source.
+//!
+//! The multigrid cycle has single precision. Where conductances differ by more than it resolves, the flow through the
+//! tight ground around a permeable layer is lost in the rounding of the flow inside of the layer. If the cycle then does
+//! not converge, the diagonal in double precision takes its place: it needs more iterations, each much cheaper.
 
 use super::Pressure;
 use crate::SeepageError;
 use crate::multigrid::inflow;
 use crate::reproducible::{dot, power_above};
 use base::number::single;
+
+/// Ratio of conductances above which the rounding of the multigrid cycle can prevent convergence.
+const CYCLE_CONTRAST: f64 = 1e5;
+/// Maximum number of iterations with the diagonal, in those with the cycle.
+const DIAGONAL_ITERATIONS: u32 = 40;
 
 impl Pressure {
     /// Performs conjugate gradient iterations; returns their number and the relative residual.
@@ -28,6 +37,8 @@ impl Pressure {
         let mut scale = drive.max(least);
         let mut iterations = 0;
         let mut last = None;
+        let mut with_cycle = true;
+        let mut allowed = self.settings.iterations;
         loop {
             if largest <= self.settings.tolerance * scale {
                 // Next to open water the imbalance at uniform pressure is far larger than the final flow.
@@ -38,14 +49,24 @@ impl Pressure {
                 scale = flowing;
             }
             self.interruption.check(&self.slab.communicator)?;
-            if iterations >= self.settings.iterations {
+            if iterations >= allowed && with_cycle && self.contrast() > CYCLE_CONTRAST {
+                with_cycle = false;
+                allowed = DIAGONAL_ITERATIONS.saturating_mul(self.settings.iterations);
+                last = None;
+                largest = self.first_residual();
+            }
+            if iterations >= allowed {
                 return Err(SeepageError::NotConverged {
                     iterations,
                     residual: largest / scale,
                     tolerance: self.settings.tolerance,
                 });
             }
-            let rz = self.next_direction(largest, last);
+            let rz = if with_cycle {
+                self.next_direction(largest, last)
+            } else {
+                self.next_diagonal_direction(last)
+            };
             largest = self.move_along_direction(rz)?;
             last = Some(rz);
             iterations += 1;
@@ -80,6 +101,40 @@ impl Pressure {
             });
         self.slab.halo.fill(&mut self.system.direction);
         rz
+    }
+
+    /// Finds the next direction of descent from the residual over the diagonal; otherwise as [`Self::next_direction`].
+    fn next_diagonal_direction(&mut self, last: Option<f64>) -> f64 {
+        let here = (self.slab.layout, self.slab.part.clone());
+        let here = (&here.0, &here.1);
+        let (residual, diagonal) = (&self.system.residual, &self.system.matrix.diagonal);
+        here.0
+            .sweep(here.1, &mut self.system.product, |start, out| {
+                let rows = residual[start..].iter().zip(&diagonal[start..]);
+                for (z, (r, d)) in out.iter_mut().zip(rows) {
+                    *z = r / d;
+                }
+            });
+        let z = &self.system.product;
+        let rz = dot(here, residual, z, &self.slab.communicator);
+        let beta = last.map_or(0.0, |last| rz / last);
+        here.0
+            .sweep(here.1, &mut self.system.direction, |start, out| {
+                for (p, z) in out.iter_mut().zip(&z[start..]) {
+                    *p = z + beta * *p;
+                }
+            });
+        self.slab.halo.fill(&mut self.system.direction);
+        rz
+    }
+
+    /// Returns the ratio of the largest to the smallest conductance. It is computed over the whole grid, so that no
+    /// message is needed.
+    fn contrast(&self) -> f64 {
+        let all = self.system.matrix.t.iter().flatten();
+        let range = |[low, high]: [f64; 2], t: &f64| [low.min(*t), high.max(*t)];
+        let [low, high] = all.filter(|t| **t > 0.0).fold([f64::INFINITY, 0.0], range);
+        high / low
     }
 
     /// Moves the solution along the direction to the smallest error; `rz` is the product of residual and cycle.

@@ -344,6 +344,49 @@ fn agrees_with_elimination() {
     }
 }
 
+/// Checks layers of gravel in clay, whose water leaves through the clay alone: the discharge is that of elimination, and
+/// proportional to the permeability of the clay once the gravel has no resistance.
+#[test]
+fn permeable_layers_in_tight_ground_agree_with_elimination() {
+    let grid = grid([18, 11, 1], [2.0, 2.0, 1.0]);
+    let patches = || {
+        between(
+            &grid,
+            0,
+            Condition::Pressure { value: 5e4 },
+            Condition::Pressure { value: 0.0 },
+        )
+    };
+    let mut discharges = Vec::new();
+    for clay in [1e-12, 1e-14, 1e-16, 1e-18] {
+        let soil = |index: usize| {
+            let [x, y, _] = grid.cell(index);
+            match (x, y) {
+                (3..6 | 10..15, 2..9) => 3e-8,
+                (10..16, 0..2) => 3e-10,
+                _ => clay,
+            }
+        };
+        let k: Vec<f64> = (0..grid.count()).map(soil).collect();
+        let mut solver = solver(&grid, &Enclosure::Everything, patches(), settings(1e-8)).unwrap();
+        let report = solver.solve(still(&conductivities(&k))).unwrap();
+        let exact = dense(&grid, &k, 5e4, 0.0);
+        let through = |cell: usize| 2.0 * k[cell] / WATER.viscosity * (5e4 - exact[cell]);
+        let first = (0..grid.count()).filter(|cell| grid.cell(*cell)[0] == 0);
+        let discharge: f64 = first.map(through).sum();
+        assert!(
+            (report.inflow / discharge - 1.0).abs() < 1e-4,
+            "{clay}: {report:?} {discharge}"
+        );
+        assert!((report.inflow / report.outflow - 1.0).abs() < 1e-4);
+        discharges.push(report.inflow / clay);
+    }
+    assert!(
+        (discharges[3] / discharges[2] - 1.0).abs() < 1e-4,
+        "{discharges:?}"
+    );
+}
+
 #[test]
 fn iterations_hardly_grow_with_the_grid() {
     let mut counts = Vec::new();
