@@ -14,7 +14,7 @@ use crate::reproducible::{dot, power_above};
 use base::number::single;
 
 /// Ratio of conductances above which the rounding of the multigrid cycle can prevent convergence.
-const CYCLE_CONTRAST: f64 = 1e5;
+pub(super) const CYCLE_CONTRAST: f64 = 1e5;
 /// Maximum number of iterations with the diagonal, in those with the cycle.
 const DIAGONAL_ITERATIONS: u32 = 40;
 
@@ -49,7 +49,10 @@ impl Pressure {
                 scale = flowing;
             }
             self.interruption.check(&self.slab.communicator)?;
-            if iterations >= allowed && with_cycle && self.contrast() > CYCLE_CONTRAST {
+            if iterations >= allowed
+                && with_cycle
+                && contrast(&self.system.matrix.t) > CYCLE_CONTRAST
+            {
                 with_cycle = false;
                 allowed = DIAGONAL_ITERATIONS.saturating_mul(self.settings.iterations);
                 last = None;
@@ -126,15 +129,6 @@ impl Pressure {
             });
         self.slab.halo.fill(&mut self.system.direction);
         rz
-    }
-
-    /// Returns the ratio of the largest to the smallest conductance. It is computed over the whole grid, so that no
-    /// message is needed.
-    fn contrast(&self) -> f64 {
-        let all = self.system.matrix.t.iter().flatten();
-        let range = |[low, high]: [f64; 2], t: &f64| [low.min(*t), high.max(*t)];
-        let [low, high] = all.filter(|t| **t > 0.0).fold([f64::INFINITY, 0.0], range);
-        high / low
     }
 
     /// Moves the solution along the direction to the smallest error; `rz` is the product of residual and cycle.
@@ -268,4 +262,12 @@ impl Pressure {
         }
         self.slab.communicator.all_reduce_max_f64(most)
     }
+}
+
+/// Returns the ratio of the largest to the smallest conductance of faces, those of closed ones left out.
+pub(super) fn contrast(faces: &[Vec<f64>; 3]) -> f64 {
+    let range = |[low, high]: [f64; 2], t: &f64| [low.min(*t), high.max(*t)];
+    let open = faces.iter().flatten().filter(|t| **t > 0.0);
+    let [low, high] = open.fold([f64::INFINITY, 0.0], range);
+    high / low
 }

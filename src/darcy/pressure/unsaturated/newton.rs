@@ -3,6 +3,7 @@
 use super::Unsaturated;
 use crate::SeepageError;
 use crate::pressure::Pressure;
+use crate::pressure::iteration::{CYCLE_CONTRAST, contrast};
 use crate::reproducible::{dot, power_above};
 use crate::retention::{NEARLY_SATURATED, RetentionLaw};
 use base::number::single;
@@ -368,9 +369,27 @@ impl Pressure {
     /// Solves the linear system of a Newton step; returns the number of iterations. The line search judges the
     /// result. Collective.
     ///
+    /// Where conductances at saturation differ by more than the single precision of the multigrid cycle resolves, and the iteration
+    /// does not converge with it, the columns alone are the preconditioner.
+    ///
     /// # Errors
     /// If a stop is requested.
     fn solve_linear(&mut self, own: &mut Unsaturated) -> Result<u32, SeepageError> {
+        let (iterations, converged) = self.iterate_linear(own, true)?;
+        if converged || contrast(&own.saturated) <= CYCLE_CONTRAST {
+            return Ok(iterations);
+        }
+        let (more, _) = self.iterate_linear(own, false)?;
+        Ok(iterations + more)
+    }
+
+    /// Performs iterations from zero, with or without the multigrid cycle in the preconditioner; returns their number,
+    /// and `true` if they converged. Collective.
+    fn iterate_linear(
+        &mut self,
+        own: &mut Unsaturated,
+        with_cycle: bool,
+    ) -> Result<(u32, bool), SeepageError> {
         let (layout, part) = (self.slab.layout, self.slab.part.clone());
         let here = (&layout, &part);
         let communicator = self.slab.communicator.clone();
@@ -386,6 +405,7 @@ impl Pressure {
         let (mut rho, mut alpha, mut omega) = (1.0, 1.0, 1.0);
         let first = self.largest(&all.residual);
         let mut iterations = 0;
+        let mut converged = false;
         let mut requested = Ok(());
         while iterations < self.settings.iterations {
             requested = self.interruption.check(&communicator);
@@ -406,7 +426,7 @@ impl Pressure {
                 }
             });
             self.precondition(
-                own,
+                (own, with_cycle),
                 &mut all.direction,
                 (&all.pivot, &mut all.column_residual),
                 &mut all.ready,
@@ -423,7 +443,7 @@ impl Pressure {
                 }
             });
             self.precondition(
-                own,
+                (own, with_cycle),
                 &mut all.residual,
                 (&all.pivot, &mut all.column_residual),
                 &mut all.second,
@@ -449,12 +469,13 @@ impl Pressure {
             });
             iterations += 1;
             let largest = self.largest(&all.residual);
-            if largest.is_nan() || largest <= FORCING * first {
+            converged = largest <= FORCING * first;
+            if largest.is_nan() || converged {
                 break;
             }
         }
         own.krylov = own_vectors;
-        requested.map(|()| iterations)
+        requested.map(|()| (iterations, converged))
     }
 
     /// Returns the largest magnitude in a vector on any rank. Collective.
@@ -484,10 +505,10 @@ impl Pressure {
     }
 
     /// Multiplies by an approximate inverse: the columns along gravity exactly, where water falls through
-    /// unsaturated cells, then one multigrid cycle for the remainder; sets `out` including its halo. Collective.
+    /// unsaturated cells, then, if asked for, one multigrid cycle for the remainder; sets `out` including its halo. Collective.
     fn precondition(
         &mut self,
-        own: &Unsaturated,
+        (own, with_cycle): (&Unsaturated, bool),
         vector: &mut [f64],
         (pivot, column_residual): (&[f64], &mut [f64]),
         out: &mut [f64],
@@ -509,6 +530,10 @@ impl Pressure {
                 let above = at + stride;
                 out[at] = (out[at] + faces[above].upper * out[above]) * pivot[at];
             }
+        }
+        if !with_cycle {
+            self.slab.halo.fill(out);
+            return;
         }
         self.multiply(own, out, column_residual);
         layout.sweep(&part, column_residual, |start, column_residual| {

@@ -224,6 +224,34 @@ fn water_at_rest_stays_at_rest() {
     assert!(report.outflow < 1e-12);
 }
 
+/// Checks that water in gravel between tight layers, a million times less permeable, stays at rest beside a
+/// seepage face.
+#[test]
+fn water_in_gravel_between_tight_layers_stays_at_rest() {
+    let grid = plane([7, 14], [0.7, 1.4]);
+    let table = Condition::SeepageFace { level: Some(0.213) };
+    let patches = vec![patch(&grid, 0, false, [0.0, 1.4], table)];
+    let soil = Retention::Gardner(Gardner {
+        alpha: 5.5,
+        saturated_content: 0.4,
+        residual_content: 0.05,
+    });
+    let mut solver = solver(&grid, patches, soil);
+    let mut conductivity = conductivity(&grid, 4e-11);
+    for (cell, known) in conductivity.iter_mut().enumerate() {
+        if (5..9).contains(&grid.cell(cell)[1]) {
+            *known *= 1e6;
+        }
+    }
+    let report = solver.solve(still(&conductivity)).unwrap();
+    for cell in 0..grid.count() {
+        let head = 0.213 - grid.centre(grid.cell(cell))[1];
+        let found = solver.pressure(cell) / (WATER.density * G);
+        assert!((found - head).abs() < 1e-6, "{found} {head}");
+    }
+    assert!(report.outflow < 1e-16, "{report:?}");
+}
+
 /// Checks rain R on Gardner's soil above a water table: e^(alpha psi) = R/K + (1 - R/K) e^(-alpha z), at the centres of
 /// cells of any height.
 #[test]
