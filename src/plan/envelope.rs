@@ -72,6 +72,7 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
     super::added_mass::check(scene, &mut margins, findings);
     super::resting::check(scene, findings);
     super::driven_path::check(scene, findings);
+    super::driven_pocket::check(scene, findings);
     super::outlets::check(scene, findings);
     super::driven_squeeze::check(scene, findings);
     super::sinking::check(scene, findings);
