@@ -164,12 +164,13 @@ pub(crate) fn total(causes: &[Cause], time_step: f64, spacing: f64, density: f64
     changes.sum()
 }
 
-/// Returns the smallest density change that a run is expected to show at a time step.
+/// Returns the smallest density change that a run is expected to show at a time step: that of its largest cause,
+/// because causes act at different times and places.
 pub(crate) fn smallest_change(causes: &[Cause], time_step: f64, spacing: f64, density: f64) -> f64 {
     let changes = causes
         .iter()
         .map(|cause| cause.change(time_step, spacing, density) / cause.over);
-    changes.sum()
+    changes.fold(0.0, f64::max)
 }
 
 /// Bound of the density change of a lattice fluid.
