@@ -74,8 +74,8 @@ const LINKS: [&[(f64, f64)]; 2] = [
     ],
 ];
 
-/// Values of s R below which bodies with half-way and interpolated links were unstable without the mean of two loads, and
-/// above which they were stable, by relaxation time.
+/// Values of s R below which bodies with half-way and interpolated links were unstable without the mean of two
+/// loads, and above which they were stable, by relaxation time.
 const WITHOUT_MEAN: [[&[(f64, f64)]; 2]; 2] = [
     [
         &[(0.52, 19.0), (0.6, 8.0), (0.8, 3.0), (1.0, 0.84)],
@@ -488,8 +488,8 @@ mod tests {
         found.map_or(0, |p| if p.severity == Severity::Error { 2 } else { 1 })
     }
 
-    /// Checks that a body of 10 cells and 1.2 times the density of the water needs the mean of two loads with interpolated
-    /// links, and the field that the finding names.
+    /// Checks that light bodies with interpolated links need the mean of two loads, and the field that the finding
+    /// names.
     #[test]
     fn forces_of_single_steps_need_denser_bodies() {
         let case = |factor: f64, average: bool| {

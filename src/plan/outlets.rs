@@ -9,7 +9,7 @@
 //! not known before the run: it may reach an outlet towards which water and weight carry it fast enough, and the plan
 //! warns. The water that does not leave must fill the domain to the limit of the density before the run ends.
 //!
-//! Beside a body that stays, the pressure p of the water drives a jet through the rest of the opening, of width w. Its
+//! Past a body that stays, the pressure p of the water drives a jet through the rest of the opening, of width w. Its
 //! speed U follows from the contraction of the jet and, in creeping flow, from the resistance of a slit (H. Hasimoto,
 //! J. Phys. Soc. Japan 13 (1958) 633): p/ρ = (U/0.61)²/2 + 32 ν U/(π w). With 12 of 14 cells of an outlet covered, and
 //! a density of 1.2, the discharge was 0.92 times that.
@@ -87,7 +87,7 @@ fn time_to_fill(scene: &Scene, flow: &Flow, body: &NamedBody, (inflow, rest): (f
     let fastest = scene.guards.max_lattice_velocity * grid.spacing / flow.time_step;
     let outflow = |compression: f64| {
         let speed = if body.mobility == Mobility::Fixed {
-            speed_beside(scene, flow, rest, compression).min(fastest)
+            speed_past(scene, flow, rest, compression).min(fastest)
         } else {
             fastest
         };
@@ -110,9 +110,9 @@ fn time_to_fill(scene: &Scene, flow: &Flow, body: &NamedBody, (inflow, rest): (f
     times.sum()
 }
 
-/// Returns the mean speed of the water through the rest of an outlet \[cells\] beside a body that stays, where its
+/// Returns the mean speed of the water through the rest of an outlet \[cells\] past a body that stays, where its
 /// density exceeds that beyond the outlet by a part `compression` [m/s].
-fn speed_beside(scene: &Scene, flow: &Flow, rest: f64, compression: f64) -> f64 {
+fn speed_past(scene: &Scene, flow: &Flow, rest: f64, compression: f64) -> f64 {
     let h = scene.grid.spacing;
     let sound_squared = (h / flow.time_step).powi(2) / 3.0;
     let gap = if scene.grid.dimension == 2 {

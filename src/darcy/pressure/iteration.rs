@@ -3,9 +3,10 @@
 //! It stops when the largest imbalance of a cell is below the tolerance times the largest flow through an imposed
 //! pressure, or the largest source.
 //!
-//! The multigrid cycle has single precision. Where conductances differ by more than it resolves, the flow through the
-//! tight ground around a permeable layer is lost in the rounding of the flow inside of the layer. If the cycle then does
-//! not converge, the diagonal in double precision takes its place: it needs more iterations, each much cheaper.
+//! The multigrid cycle has single precision. Where conductances differ by more than it resolves, the flow through
+//! the tight ground around a permeable layer is lost in the rounding of the flow inside of the layer. If the cycle
+//! then does not converge, the diagonal in double precision takes its place: it needs more iterations, each much
+//! cheaper.
 
 use super::Pressure;
 use crate::SeepageError;

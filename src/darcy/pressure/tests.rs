@@ -344,8 +344,8 @@ fn agrees_with_elimination() {
     }
 }
 
-/// Checks layers of gravel in clay, whose water leaves through the clay alone: the discharge is that of elimination, and
-/// proportional to the permeability of the clay once the gravel has no resistance.
+/// Checks layers of gravel in clay, whose water leaves through the clay alone: the discharge is that of
+/// elimination, and proportional to the permeability of the clay once the gravel has no resistance.
 #[test]
 fn permeable_layers_in_tight_ground_agree_with_elimination() {
     let grid = grid([18, 11, 1], [2.0, 2.0, 1.0]);

@@ -194,8 +194,8 @@ fn nodes_of_a_raster_stand_for_the_points_around_them() {
     }
 }
 
-/// Checks that no open water remains in cells that zones fill, wherever their boundaries cut the cells: the fractions of
-/// the boxes add up to one except for rounding.
+/// Checks that no open water remains in cells that zones fill, wherever their boundaries cut the cells: the
+/// fractions of the boxes add up to one except for rounding.
 #[test]
 fn cut_cells_that_zones_fill_hold_no_open_water() {
     let grid = grid(3);

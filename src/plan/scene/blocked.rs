@@ -157,7 +157,8 @@ fn fed_pocket(
         for (number, cells) in one.parts.iter().filter(|(number, _)| !open(number)) {
             let size = part.iter().filter(|known| *known == number).count();
             let way = RIM * one.imposed.abs() * pockets.end / grid.spacing;
-            if way * real(*cells) <= pockets.max_compression * real(size) {
+            // A single cell ran.
+            if size < 2 || way * real(*cells) <= pockets.max_compression * real(size) {
                 continue;
             }
             findings.unstable(

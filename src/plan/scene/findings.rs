@@ -352,7 +352,7 @@ mod tests {
     }
 
     /// Checks that a patch outside of the domain, a face that 2-D does not have, the unknown material of two walls and
-    /// a mesh that is missing give one finding each: an opening that was not read is not missed by the water of another.
+    /// a mesh that is missing give one finding each: the water of another opening needs no outlet.
     #[test]
     fn what_depends_on_a_wrong_field_is_not_a_second_finding() {
         let position = [0.006, 0.005, 0.005];

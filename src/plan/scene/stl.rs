@@ -56,7 +56,7 @@ pub(crate) enum StlError {
     },
 }
 
-/// Returns what `read` finds in the file of a mesh, which is shifted by `origin` \[m\], or a reason that names the file.
+/// Returns what `read` finds in the file of a mesh, shifted by `origin` \[m\], or a reason that names the file.
 pub(crate) fn load<T>(
     directory: &Path,
     mesh: &Mesh,

@@ -369,8 +369,8 @@ impl Pressure {
     /// Solves the linear system of a Newton step; returns the number of iterations. The line search judges the
     /// result. Collective.
     ///
-    /// Where conductances at saturation differ by more than the single precision of the multigrid cycle resolves, and the iteration
-    /// does not converge with it, the columns alone are the preconditioner.
+    /// Where conductances at saturation differ by more than the single precision of the multigrid cycle resolves,
+    /// and the iteration does not converge with it, the columns alone are the preconditioner.
     ///
     /// # Errors
     /// If a stop is requested.
@@ -505,7 +505,8 @@ impl Pressure {
     }
 
     /// Multiplies by an approximate inverse: the columns along gravity exactly, where water falls through
-    /// unsaturated cells, then, if asked for, one multigrid cycle for the remainder; sets `out` including its halo. Collective.
+    /// unsaturated cells, then, if asked for, one multigrid cycle for the remainder; sets `out` including its halo.
+    /// Collective.
     fn precondition(
         &mut self,
         (own, with_cycle): (&Unsaturated, bool),

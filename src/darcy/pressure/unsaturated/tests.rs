@@ -224,8 +224,8 @@ fn water_at_rest_stays_at_rest() {
     assert!(report.outflow < 1e-12);
 }
 
-/// Checks that water in gravel between tight layers, a million times less permeable, stays at rest beside a
-/// seepage face.
+/// Checks that water in gravel between tight layers, a million times less permeable, stays at rest up to
+/// a seepage face.
 #[test]
 fn water_in_gravel_between_tight_layers_stays_at_rest() {
     let grid = plane([7, 14], [0.7, 1.4]);
