@@ -74,6 +74,7 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
     super::driven_path::check(scene, findings);
     super::driven_pocket::check(scene, findings);
     super::outlets::check(scene, findings);
+    super::outlets::near_outflow(scene, findings);
     super::driven_squeeze::check(scene, findings);
     super::sinking::check(scene, findings);
     super::explicit_drag::check(scene, clock, &mut margins, findings);

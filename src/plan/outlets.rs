@@ -21,7 +21,7 @@ use crate::scene::boundaries::ScenePatch;
 use crate::scene::findings::{Findings, number};
 use crate::scene::flow::{Flow, PATH};
 use crate::scene::speed::{imposed_on_fluid, settling};
-use lbm::boundary::Inflow;
+use lbm::boundary::{Condition, Inflow};
 use std::f64::consts::PI;
 
 /// Width of a jet over that of the gap between sharp edges from which it issues (Kirchhoff): the water contracts beyond
@@ -31,6 +31,53 @@ const CONTRACTION: f64 = 0.61;
 const POSITIONS: u32 = 64;
 /// Number of parts in which the density grows to its limit.
 const PARTS: u32 = 32;
+
+/// Gap between a fixed body and an outflow with the state of the water below which runs failed \[cells\].
+const NEAR: f64 = 1.1;
+
+/// Reports the first fixed body that meets, or nearly meets, an outflow with the state of the water in front of it.
+///
+/// Runs of discs of 2.6 and 5.2 cells in a stream of 0.02 lattice units ended with gaps of -1 to 1 cells, with
+/// half-way links, with interpolated ones and in saturated cells, at relaxation times of 0.56 and 0.8; at 1.2, in a
+/// corner, in a tenth of the stream, with a convective outflow and with a pressure they held.
+pub(super) fn near_outflow(scene: &Scene, findings: &mut Findings) {
+    let Some(flow) = scene.flow.as_ref().filter(|_| scene.surface.is_none()) else {
+        return;
+    };
+    let h = scene.grid.spacing;
+    let floats = |patch: &&ScenePatch| matches!(patch.condition, Condition::Outflow(_));
+    let fixed = scene.bodies.iter().enumerate();
+    for (n, body) in fixed.filter(|(_, body)| body.mobility == Mobility::Fixed) {
+        for outlet in flow.patches().filter(floats) {
+            let axis = outlet.face.axis();
+            let face = if outlet.face.is_max() {
+                scene.grid.size[axis]
+            } else {
+                0.0
+            };
+            let gap = ((body.position[axis] - face).abs() - 0.5 * width(body)) / h;
+            let mut others = (0..scene.grid.dimension).filter(|a| *a != axis);
+            let meets = others.all(|a| {
+                let [low, high] = outlet.ends[a].map(|end| end * h);
+                (low..=high).contains(&body.position[a])
+            });
+            if gap >= NEAR || !meets {
+                continue;
+            }
+            let path = format!("bodies[{n}].position");
+            let reason = format!(
+                "the body `{}` stands {} cells in front of the outflow `{}`, which repeats the state of the water there: \
+                 many runs with a gap of less than a cell ended",
+                body.name,
+                number(gap),
+                outlet.name
+            );
+            let remedy = "use `convective_outflow` or `pressure`, or leave two cells or more";
+            findings.warn(&path, reason, remedy);
+            return;
+        }
+    }
+}
 
 /// Reports the first body that can cover so much of an outlet that the rest lets the inflow out too fast.
 pub(super) fn check(scene: &Scene, findings: &mut Findings) {
@@ -336,6 +383,34 @@ mod tests {
         // Two of ten cells let the inflow of 0.4 cells² per step out at a lattice velocity of 0.2, or 0.33 in the jet,
         // which takes a density of 1.16 and, with the resistance of the slit, 1.47.
         assert!(finding(&fixed, [0.005, 0.015], 0.0).is_some());
+    }
+
+    #[test]
+    fn a_fixed_body_next_to_an_outflow_is_named() {
+        let severity = |gap: f64, condition: &str| {
+            let h = 0.0005;
+            let case = json!({
+                "domain": {"size": [28.0 * h, 26.0 * h], "spacing": h},
+                "materials": {"glass": {"density": 2500}},
+                "fluid": {"lattice_boltzmann": {
+                    "density": 1000, "kinematic_viscosity": 4e-5, "relaxation_time": 0.56, "boundaries": [
+                        {"name": "in", "face": "x_min", "condition": {"velocity": {"profile": {"uniform": [0.08, 0]},
+                            "ramp_time": 0.015}}},
+                        {"name": "out", "face": "y_max", "condition": {condition: {"mean_pressure": 0}}}]}},
+                "bodies": [{"name": "disc", "shape": {"disc": {"radius": 2.6 * h}},
+                            "position": [13.0 * h, (23.4 - gap) * h], "motion": {"fixed": {}}, "material": "glass"}],
+                "coupling": {"bounce_back": {"scheme": "half_way"}},
+                "time": {"end": 0.1}
+            });
+            let document = Document::read(&case.to_string(), &[], Path::new(".")).unwrap();
+            let plan = Plan::prepare(document).unwrap();
+            let mut found = plan.warnings.iter();
+            let found = found.find(|p| p.reason.contains("in front of the outflow"));
+            found.map(|p| p.severity)
+        };
+        assert_eq!(severity(0.1, "outflow"), Some(Severity::Warning));
+        assert_eq!(severity(2.0, "outflow"), None);
+        assert_eq!(severity(0.1, "convective_outflow"), None);
     }
 
     #[test]
