@@ -208,12 +208,15 @@ pub enum ProbeAt {
         /// A point in the block [m].
         position: Vector,
     },
-    /// Force of the fluid on a face of the domain [N], and its mean traction [Pa]. They are means over the last step,
-    /// and `time` is the middle of this step. Below a moving free surface single rows scatter, because cells that fill
-    /// or empty send sound: in `solver example dam-break` with a column 30 cells high, in the first 0.25 s, by 1.1 of
-    /// the mean force on the floor, with half the cell width and time step by 0.7 (standard deviation about means over
-    /// 10 ms). Use means over many rows: over 2 s the mean force exceeds the weight of the water by 1.7 %, with half
-    /// the cell width by 1.1 %.
+    /// Force of the fluid on a face of the domain [N], its mean traction [Pa] and the mass flux of the fluid through
+    /// it [kg/s]. They are means over the last step, and `time` is the middle of this step. Structures, and bodies
+    /// with `coupling.bounce_back`, neither press on a face that they cover nor count in the mass flux; with
+    /// `coupling.partially_saturated` a face has the pressure of the water below bodies too, and what they contain
+    /// counts in the mass flux. Below a moving free surface single rows scatter, because cells that fill or empty send
+    /// sound: in `solver example dam-break` with a column 30 cells high, in the first 0.25 s, by 1.1 of the mean force
+    /// on the floor, with half the cell width and time step by 0.7 (standard deviation about means over 10 ms). Use
+    /// means over many rows: over 2 s the mean force exceeds the weight of the water by 1.7 %, with half the cell
+    /// width by 1.1 %.
     Wall {
         /// Face of the domain.
         face: Face,

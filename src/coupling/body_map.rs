@@ -324,6 +324,33 @@ impl BodyMap {
         }
     }
 
+    /// Returns, by their indices in the map, the cells that changed their owner in the last update, with `true` for
+    /// those that lay in a body or a joint before.
+    #[must_use]
+    pub fn closed_before(&self) -> HashMap<usize, bool> {
+        // The first of several changes of a cell has its owner before the update.
+        let changes = self.changes.iter().rev();
+        let closed = |owner: u32| owner != FLUID && owner != OUTSIDE;
+        changes
+            .map(|change| (self.slab.layout_index(change.cell), closed(change.before)))
+            .collect()
+    }
+
+    /// Returns `true` if a cell of the slab or a ghost cell (local coordinates) lay in a body or a joint before the
+    /// last update, whose changes are those of [`Self::closed_before`].
+    #[must_use]
+    pub fn was_closed(&self, cell: [isize; 3], before: &HashMap<usize, bool>) -> bool {
+        let cell = cell.map(|v| i32::try_from(v).unwrap_or(i32::MAX));
+        let place = self.slab.layout_index(cell);
+        let closed = |owner: u32| owner != FLUID && owner != OUTSIDE;
+        (before.get(&place).copied()).unwrap_or_else(|| closed(self.owner[place]))
+    }
+
+    /// Forgets the changes of the last update, where no body is left.
+    pub fn forget_changes(&mut self) {
+        self.changes.clear();
+    }
+
     /// Returns the body or joint in a cell of the slab (local coordinates), with the velocity of the body there.
     #[must_use]
     pub fn solid_in(&self, cell: [usize; 3]) -> SolidPart {

@@ -20,10 +20,11 @@ use base::units::LatticeUnits;
 use decomposition::Domain;
 use dem::particles::Particles;
 use dem::space::Space;
-use lbm::boundary::Flux;
+use lbm::boundary::{FaceLoads, Flux};
 use lbm::fluid::Fluid;
 use lbm::lanes::Stored;
 use lbm::links::gaps::BodyLinks;
+use lbm::links::mirrored::MirroredLoads;
 use lbm::links::{BODIES_PER_THREAD, Load, Rigid, Scheme, bounce};
 use std::marker::PhantomData;
 use std::sync::Arc;
@@ -52,6 +53,8 @@ pub struct BounceBack<Sp: Space, S: Stored> {
     settings: BounceBackSettings,
     loads: Vec<Load>,
     owned: usize,
+    /// Loads on planes of symmetry in the last step.
+    plane_loads: FaceLoads,
     /// Motions of the bodies when the links were last registered with the gradients of the eddy viscosity.
     registered_motions: Vec<Rigid>,
     /// `true` if the fluid is in its initial state, the grains have no loads yet, and the map does not exist yet.
@@ -79,6 +82,7 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
             settings,
             loads: Vec::new(),
             owned: 0,
+            plane_loads: FaceLoads::default(),
             registered_motions: Vec::new(),
             fresh: true,
             space: PhantomData,
@@ -213,6 +217,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
             self.fluid.cover_openings(|cell| map.is_closed(cell));
         }
         let structures = self.structures.as_deref_mut();
+        self.plane_loads = FaceLoads::default();
         if advance_fluid(&mut self.fluid, structures, particles, domain)? {
             return Ok(());
         }
@@ -237,7 +242,9 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
         particles.reduce_to_owners(&mut self.loads, domain)?;
         self.owned = particles.owned();
         self.load_grains(particles);
+        self.plane_loads = at_planes.unwrap_or_default().planes;
         // For the balance of the momentum: they act on no body.
+        let at_planes = at_planes.map(|loads| loads.body);
         for load in at_joints.into_iter().chain(at_planes) {
             self.loads.truncate(self.owned);
             self.loads.push(load);
@@ -259,6 +266,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
         if particles.is_empty() && domain.communicator().size() == 1 && self.map.links().is_empty()
         {
             self.fresh = false;
+            self.map.forget_changes();
             return Ok(());
         }
         let (velocity, spin) = self.scales();
@@ -318,6 +326,22 @@ impl<Sp: Space, S: Stored> FluidView for BounceBack<Sp, S> {
     fn structure_loads(&self) -> &[Load] {
         let structures = self.structures.as_deref();
         structures.map_or(&[], StructureMap::loads)
+    }
+
+    fn fluxes(&self) -> Vec<Flux> {
+        // The fluxes are those of the last step, whose end has moved the bodies.
+        let before = self.map.closed_before();
+        let filled = |cell: [isize; 3]| self.map.was_closed(cell, &before);
+        let bodies = !self.map.is_empty() || !before.is_empty();
+        let mut loads = MirroredLoads::default();
+        if bodies {
+            loads.add_planes(&self.plane_loads);
+        }
+        if let Some(structures) = &self.structures {
+            loads.add_planes(&structures.plane_loads());
+        }
+        let filled: Option<&dyn Fn([isize; 3]) -> bool> = if bodies { Some(&filled) } else { None };
+        self.fluid.fluxes_beside(filled, loads.planes)
     }
 
     fn solid_at(&self, cell: [usize; 3]) -> bool {

@@ -188,9 +188,6 @@ macro_rules! view_of_lattice {
             let names = self.fluid.boundaries().names();
             names.map(str::to_owned).collect()
         }
-        fn fluxes(&self) -> Vec<Flux> {
-            self.fluid.fluxes()
-        }
     };
 }
 pub(super) use view_of_lattice;

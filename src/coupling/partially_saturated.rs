@@ -363,6 +363,13 @@ impl<Sp: Space, S: Stored> FluidView for PartiallySaturated<Sp, S> {
         structures.map_or(&[], StructureMap::loads)
     }
 
+    /// The cells of bodies count like water: their content has the pressure of the water and passes it on.
+    fn fluxes(&self) -> Vec<Flux> {
+        let structures = self.structures.as_deref();
+        let loads = structures.map(StructureMap::plane_loads);
+        self.fluid.fluxes_beside(None, loads.unwrap_or_default())
+    }
+
     fn solid_at(&self, cell: [usize; 3]) -> bool {
         self.body_at(cell).is_some() || !self.balanced().holds(cell)
     }

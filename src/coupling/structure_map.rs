@@ -10,11 +10,12 @@
 
 use super::body_map::{BodyMap, GHOSTS, MapGrid};
 use base::units::LatticeUnits;
+use lbm::boundary::FaceLoads;
 use lbm::fluid::Fluid;
 use lbm::lanes::Stored;
 use lbm::links::fixed::{FixedLink, bounce_fixed};
 use lbm::links::gaps::Gaps;
-use lbm::links::mirrored::{MirroredLink, bounce_mirrored};
+use lbm::links::mirrored::{MirroredLink, MirroredLoads, bounce_mirrored};
 use lbm::links::{BodyLink, Load, Rigid, Scheme};
 use lbm::populations::Populations;
 use std::collections::HashSet;
@@ -85,6 +86,8 @@ pub struct StructureMap {
     mirrored: Vec<(Vec<MirroredLink>, Vec<[u32; 2]>)>,
     group_loads: Vec<Load>,
     loads: Vec<Load>,
+    /// Loads of the water on planes of symmetry at links into images of structures.
+    plane_loads: FaceLoads,
     /// Positions in the lattice of the solid cells of the slab.
     inside: Vec<u32>,
     /// Links between two fluid cells that a sheet cuts: index of the cell, and direction.
@@ -119,6 +122,7 @@ impl StructureMap {
             mirrored: Vec::new(),
             group_loads: Vec::new(),
             loads: vec![[0; 6]; structures + usize::from(mirrors)],
+            plane_loads: FaceLoads::default(),
             inside: Vec::new(),
             sheets: HashSet::new(),
         };
@@ -168,6 +172,8 @@ impl StructureMap {
         let map = Self::new(fluid.populations(), grid, solids, interpolated);
         let closed: Vec<usize> = map.positions(fluid.populations()).collect();
         fluid.close(closed.into_iter());
+        let cut: Vec<_> = map.cut_at_planes(fluid.populations()).collect();
+        fluid.cut_at_planes(cut.into_iter());
         if map.dimension == 2 {
             fluid.bound_velocities::<2>(&map.links);
         } else {
@@ -561,22 +567,24 @@ impl StructureMap {
     /// Reflects populations on the links through planes of symmetry and adds their loads.
     fn bounce_at_planes<S: Stored>(&mut self, populations: &mut Populations<S>) {
         let (still, gaps) = (Rigid::default(), &Gaps::default());
-        let mut planes = [0; 3];
+        let (mut planes, mut all) = ([0; 3], MirroredLoads::default());
         for ((links, _), sum) in self.mirrored.iter().zip(&mut self.loads) {
-            let mut load: Load = [0; 6];
+            let mut own = MirroredLoads::default();
             let scheme = Scheme::HalfWay;
             if self.dimension == 2 {
-                bounce_mirrored::<S, 2>(populations, scheme, links, gaps, &still, &[], &mut load);
+                bounce_mirrored::<S, 2>(populations, scheme, links, gaps, &still, &[], &mut own);
             } else {
-                bounce_mirrored::<S, 3>(populations, scheme, links, gaps, &still, &[], &mut load);
+                bounce_mirrored::<S, 3>(populations, scheme, links, gaps, &still, &[], &mut own);
             }
             for a in 0..6 {
-                sum[a] += load[a];
+                sum[a] += own.body[a];
             }
             for a in 0..3 {
-                planes[a] -= load[a];
+                planes[a] -= own.body[a];
             }
+            all.add_planes(&own.planes);
         }
+        self.plane_loads = all.planes;
         // The momentum that the planes receive instead of the images of the structures.
         if let Some(last) = self.loads.get_mut(self.solids.len()) {
             last[..3].copy_from_slice(&planes);
@@ -701,6 +709,29 @@ impl StructureMap {
     #[must_use]
     pub fn loads(&self) -> &[Load] {
         &self.loads
+    }
+
+    /// Returns the links from cells of water through planes of symmetry that structures or their images cut, by
+    /// position of the cell and direction.
+    fn cut_at_planes<'a, S: Stored>(
+        &'a self,
+        populations: &'a Populations<S>,
+    ) -> impl Iterator<Item = (u32, u8)> + 'a {
+        let opposite = &populations.velocities().opposite;
+        self.mirrored
+            .iter()
+            .flat_map(|(links, _)| links)
+            .map(|link| {
+                let back = opposite[usize::from(link.leaves)];
+                let cell = link.half.link.near as usize - populations.slot(0, back);
+                (u32::try_from(cell).unwrap_or(u32::MAX), link.leaves)
+            })
+    }
+
+    /// Returns the loads of the water on planes of symmetry in the last step, at links into images of structures.
+    #[must_use]
+    pub fn plane_loads(&self) -> FaceLoads {
+        self.plane_loads
     }
 
     /// Updates which ends of links moving bodies cover.

@@ -45,7 +45,7 @@ pub mod wall;
 
 pub use super::quanta::{QUANTA, from_quanta, quanta};
 pub use covered::SolidPart;
-pub use flux::Flux;
+pub use flux::{Beside, FaceLoads, Flux};
 pub use kind::{BoundaryKind, Inflow, Strength, SurfaceKind, WithSurface};
 pub use links::{Crossing, FaceLink, Mirror, MirrorRun};
 pub use model::{BoundaryModel, ImposedPressure, ImposedSpeed};
@@ -598,6 +598,21 @@ impl<S: Stored> Boundaries<S> {
                 own.clone().any(covers) && own.all(is_mirror)
             })
         })
+    }
+
+    /// Returns the positions of the cells and ghost cells whose populations planes of symmetry mirror into cells of the
+    /// slab; some occur more than once.
+    pub(crate) fn mirrored_cells<'a>(
+        &'a self,
+        populations: &'a Populations<S>,
+    ) -> impl Iterator<Item = u32> + 'a {
+        let opposite = &populations.velocities().opposite;
+        let begins: Vec<u32> = (0..opposite.len())
+            .map(|i| links::first(populations, i))
+            .collect();
+        let runs = self.patches.iter().flat_map(|patch| patch.rule.mirrors());
+        let mirrors = runs.flat_map(|run| run.mirrors());
+        mirrors.map(move |mirror| mirror.cells(opposite, &begins)[0])
     }
 
     /// Returns the names of the patches, in the order of [`Boundaries::fluxes`].

@@ -606,6 +606,12 @@ impl<S: Stored> Fluid<S> {
         self.closed.close(&self.populations, cells);
     }
 
+    /// Records the links through planes of symmetry that structures cut, by position of the cell and direction: their
+    /// loads on the planes are those of the structures.
+    pub fn cut_at_planes(&mut self, links: impl Iterator<Item = (u32, u8)>) {
+        self.closed.cut_at_planes(links);
+    }
+
     /// Returns all terms in addition to collision and streaming.
     pub fn terms(&self) -> impl Iterator<Item = &dyn Term<S>> {
         terms(

@@ -148,6 +148,10 @@ pub struct SlabSurface {
     shore: Vec<(usize, [f32; 3])>,
     /// Momentum of the step; none if no balance is due.
     balance: Option<StepMomentum>,
+    /// Ghost cells whose populations planes of symmetry mirror into cells of the slab, and those of them that were gas
+    /// in the last step.
+    mirrored: Vec<u32>,
+    unsent: Vec<u32>,
 }
 
 impl SlabSurface {
@@ -179,7 +183,18 @@ impl SlabSurface {
             fed: Vec::new(),
             shore: Vec::new(),
             balance: None,
+            mirrored: Vec::new(),
+            unsent: Vec::new(),
         })
+    }
+
+    /// Sets the cells and ghost cells whose populations planes of symmetry mirror into cells of the slab.
+    pub(crate) fn set_mirrored(&mut self, cells: impl Iterator<Item = u32>) {
+        self.mirrored = cells
+            .filter(|cell| self.ghosts.holds(*cell as usize))
+            .collect();
+        self.mirrored.sort_unstable();
+        self.mirrored.dedup();
     }
 
     /// Adds surface tension. Collective.
@@ -421,6 +436,25 @@ impl SlabSurface {
                 .map_or(0, |tension| tension.levels.bytes())
     }
 
+    /// Returns the cells that water or bodies in it have reached in the last step: those of the slab, and ghost cells
+    /// whose populations planes of symmetry mirror into the slab.
+    pub(crate) fn reached(&self) -> impl Iterator<Item = usize> + '_ {
+        let own = self.entered().chain(self.newly_held());
+        let beyond = self.unsent.iter().map(|cell| *cell as usize);
+        own.map(|(cell, _)| cell)
+            .chain(beyond.filter(|cell| self.is_wet(*cell)))
+    }
+
+    /// Records the mirrored ghost cells that are gas.
+    fn note_unsent(&mut self) {
+        let kinds = &self.cells.kind;
+        let dry = self
+            .mirrored
+            .iter()
+            .filter(|cell| kinds[**cell as usize] == GAS);
+        self.unsent.extend(dry);
+    }
+
     /// Returns the cells reached by the surface in the last step, with their velocities.
     pub(crate) fn entered(&self) -> impl Iterator<Item = (usize, [f64; 3])> + '_ {
         self.work.entered()
@@ -582,6 +616,8 @@ impl SlabSurface {
 
     /// Moves the surface, after [`Self::complete`]. Collective.
     pub(crate) fn finish<S: Stored>(&mut self, populations: &mut Populations<S>) {
+        self.unsent.clear();
+        self.note_unsent();
         let cells = &self.cells;
         let shore = |cell: usize| exchange::shore(cells, populations, cell);
         self.ghosts.exchange_moments(false, shore);
@@ -621,6 +657,8 @@ impl SlabSurface {
         );
         if bodies {
             self.distribute_excess(populations);
+            // Bodies may fill cells next that the surface has just left.
+            self.note_unsent();
             self.unsettled = true;
         } else {
             with_set!(

@@ -27,6 +27,7 @@ use super::populations::Populations;
 use super::saturation::Cover;
 use super::surface::SlabSurface;
 use super::turbulence::EddyViscosity;
+use std::collections::HashSet;
 
 /// Function that makes a term for the slab of these populations, whose first cell is given in cells of the domain.
 pub type TermBuilder<S> = Box<dyn Fn(&Populations<S>, [usize; 3]) -> Box<dyn Term<S>>>;
@@ -139,6 +140,8 @@ impl<S: Stored> Term<S> for SlabSurface {
 pub struct ClosedCells {
     /// `true` for the cells of structures, by position; empty without structures.
     closed: Vec<bool>,
+    /// Links, by position of the cell and direction, that structures cut at planes of symmetry.
+    cut: HashSet<(u32, u8)>,
 }
 
 impl ClosedCells {
@@ -152,6 +155,17 @@ impl ClosedCells {
         for cell in cells {
             self.closed[cell] = true;
         }
+    }
+
+    /// Records the links, by position of the cell and direction, that structures cut at planes of symmetry.
+    pub fn cut_at_planes(&mut self, links: impl Iterator<Item = (u32, u8)>) {
+        self.cut = links.collect();
+    }
+
+    /// Returns `true` if a structure cuts a link, given by position of the cell and direction, at a plane of symmetry.
+    #[must_use]
+    pub fn cuts(&self, link: (u32, u8)) -> bool {
+        self.cut.contains(&link)
     }
 
     /// Returns `true` if there are no structures.

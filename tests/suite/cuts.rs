@@ -162,6 +162,8 @@ scenes! {
     discs
     step_at_a_seam
     symmetry_planes
+    wet_plane
+    block_on_a_plane
 }
 
 /// Checks the cases of a folder, if one is named.

@@ -1,7 +1,7 @@
 //! Forces in the tables of probes belong to the time of their row.
 
 use crate::ranks::{Study, beside_others};
-use serde_json::json;
+use serde_json::{Value, json};
 use std::f64::consts::TAU;
 
 /// Returns two columns of a table.
@@ -133,7 +133,11 @@ fn faces_beside_a_structure_hold_the_weight_of_the_water() {
         };
         json!({"name": name, "every": 0.5, "at": at})
     });
-    for floor in ["no_slip", "free_slip"] {
+    // Faces of the block half-way between the centres of cells, and so far beyond that links meet the block before the
+    // plane of symmetry; 12 cells in either case.
+    let corners = [[0.008, 0.006], [0.0087, 0.0069]];
+    let floors = ["no_slip", "free_slip"].into_iter();
+    for (floor, corner) in floors.flat_map(|floor| corners.map(|corner| (floor, corner))) {
         let case = json!({
             "domain": {"size": [0.02, 0.016], "spacing": 0.002},
             "fluid": {"lattice_boltzmann": {
@@ -142,7 +146,7 @@ fn faces_beside_a_structure_hold_the_weight_of_the_water() {
                 "boundaries": [{"name": "floor", "face": "y_min", "condition": {floor: {}}}]
             }},
             "structures": [
-                {"name": "block", "shape": {"box": {"from": [-0.001, -0.001], "to": [0.008, 0.006]}}}],
+                {"name": "block", "shape": {"box": {"from": [-0.001, -0.001], "to": corner}}}],
             "time": {"end": 5},
             "probes": probes
         });
@@ -164,7 +168,135 @@ fn faces_beside_a_structure_hold_the_weight_of_the_water() {
         let off = forces.iter().sum::<f64>() + weight;
         assert!(
             off.abs() < 1e-6 * weight,
-            "{floor}: {off} of {weight}, {forces:?}"
+            "{floor} {corner:?}: {off} of {weight}, {forces:?}"
         );
     }
+}
+
+/// Returns a box of water with a fixed block on its floor, between the lines of cells or not, and probes of all.
+fn water_around_a_block(floor: &str, water: &Value, base: [f64; 2], scheme: &str) -> Value {
+    let names = ["x_min", "x_max", "y_min", "y_max", "z_min", "z_max"];
+    let walls = names.map(|name| (name, json!({"wall": {"face": name}})));
+    let block = ("block", json!({"body": {"name": "block"}}));
+    let probes = walls.into_iter().chain([block]);
+    let probes: Vec<Value> = probes
+        .map(|(name, at)| json!({"name": name, "every": 0.5, "at": at}))
+        .collect();
+    let mut case = json!({
+        "domain": {"size": [0.02, 0.016, 0.012], "spacing": 0.002},
+        "fluid": {"lattice_boltzmann": {
+            "density": 1000, "kinematic_viscosity": 1e-4, "relaxation_time": 0.8,
+            "boundaries": [{"name": "floor", "face": "z_min", "condition": {floor: {}}}]
+        }},
+        "materials": {"rock": {"density": 2600}},
+        "bodies": [{"name": "block", "material": "rock", "motion": {"fixed": {}},
+            "shape": {"cuboid": {"edges": [base[0], base[0], base[1]]}},
+            "position": [0.01, 0.008, 0.5 * base[1]]}],
+        "contact": {"blocks": {"normal_stiffness": {"per_area": 1e6}, "friction_angle_degrees": 30,
+            "normal_damping_ratio": 0.3}},
+        "coupling": {"bounce_back": {"scheme": scheme}},
+        "time": {"end": 5},
+        "probes": probes
+    });
+    let lattice = case["fluid"]["lattice_boltzmann"].as_object_mut().unwrap();
+    lattice.extend(water.as_object().unwrap().clone());
+    case
+}
+
+/// Returns the last value of a column of a probe.
+fn last(study: &Study, run: &str, probe: &str, column: &str) -> f64 {
+    let path = study.path(run).join(format!("probe_{probe}.csv"));
+    let text = std::fs::read_to_string(path).unwrap();
+    columns(&text, [column, "time"]).last().unwrap()[0]
+}
+
+/// Checks a body on the floor under a uniform pressure: the floor holds the pressure on its open cells, and the body
+/// that on its top.
+#[test]
+fn a_floor_beside_a_body_holds_the_pressure_of_the_water() {
+    let _beside = beside_others();
+    let water = json!({"initial": {"uniform": {"velocity": [0, 0, 0], "pressure": 5}}});
+    let case = water_around_a_block("no_slip", &water, [0.008, 0.006], "half_way");
+    let study = Study::new(&case.to_string());
+    study.run("one", 1, 1, &[]);
+    let cell = 0.002_f64.powi(2);
+    let (open, covered) = (64.0 * cell, 16.0 * cell);
+    let floor = last(&study, "one", "z_min", "normal_force");
+    let block = last(&study, "one", "block", "fluid_force_z");
+    assert!((floor - 5.0 * open).abs() < 1e-9 * open, "{floor}");
+    assert!((block + 5.0 * covered).abs() < 1e-9 * covered, "{block}");
+}
+
+/// Checks that faces and a body on the floor hold the weight of the water at rest, and nothing of what the body
+/// contains: the body force acts in its cells too.
+#[test]
+fn faces_beside_a_body_hold_the_weight_of_the_water() {
+    let _beside = beside_others();
+    let water = json!({"body_force": {"constant": [0, 0, -20]}});
+    let schemes = [
+        ([0.008, 0.006], "half_way"),
+        ([0.0087, 0.0069], "interpolated"),
+    ];
+    for floor in ["no_slip", "free_slip"] {
+        for (base, scheme) in schemes {
+            let case = water_around_a_block(floor, &water, base, scheme);
+            let study = Study::new(&case.to_string());
+            study.run("one", 1, 1, &[]);
+            let walls = ["x_min", "x_max", "y_min", "y_max", "z_min", "z_max"];
+            let walls = walls.map(|name| last(&study, "one", name, "force_z"));
+            let block = last(&study, "one", "block", "fluid_force_z");
+            // 480 cells of the box without 48 of the block.
+            let weight = 20.0 * 432.0 * 0.002_f64.powi(3);
+            let off = walls.iter().sum::<f64>() + block + weight;
+            assert!(
+                off.abs() < 1e-6 * weight,
+                "{floor} {scheme}: {off} of {weight}, {walls:?} {block}"
+            );
+        }
+    }
+}
+
+/// Checks a block that leaves through an outlet: the discharges are those of the water, so that more water enters than
+/// leaves, by the volume of the block that leaves in the same time.
+#[test]
+fn what_a_body_contains_is_no_discharge() {
+    let _beside = beside_others();
+    let (speed, section) = (0.001, 16.0 * 0.002_f64.powi(2));
+    let pressure = json!({"pressure": {"value": 0}});
+    let faces = ["x_min", "x_max"];
+    let case = json!({
+        "domain": {"size": [0.04, 0.016, 0.016], "spacing": 0.002},
+        "fluid": {"lattice_boltzmann": {
+            "density": 1000, "kinematic_viscosity": 1e-4, "relaxation_time": 0.8,
+            "boundaries": faces.map(|face| json!({"name": face, "face": face, "condition": pressure}))
+        }},
+        "materials": {"rock": {"density": 2600}},
+        "bodies": [{"name": "block", "material": "rock",
+            "motion": {"driven": {"velocity": [speed, 0, 0]}},
+            "shape": {"cuboid": {"edges": [0.03, 0.008, 0.008]}}, "position": [0.027, 0.008, 0.008]}],
+        "contact": {"blocks": {"normal_stiffness": {"per_area": 1e6}, "friction_angle_degrees": 30,
+            "normal_damping_ratio": 0.3}},
+        "coupling": {"bounce_back": {"scheme": "half_way"}},
+        "time": {"end": 8},
+        "probes": faces.map(|face| json!({"name": face, "every": 0.004, "at": {"wall": {"face": face}}}))
+    });
+    let study = Study::new(&case.to_string()).unstable();
+    study.run("one", 1, 1, &[]);
+    let mean = |name: &str| {
+        let path = study.path("one").join(format!("probe_{name}.csv"));
+        let rows = columns(
+            &std::fs::read_to_string(path).unwrap(),
+            ["mass_flux", "time"],
+        );
+        // The block moves on by three cells.
+        let rows = rows.iter().filter(|row| row[1] > 2.0);
+        let fluxes: Vec<f64> = rows.map(|row| row[0]).collect();
+        fluxes.iter().sum::<f64>() / f64::from(u32::try_from(fluxes.len()).unwrap())
+    };
+    let water = faces.map(mean);
+    let taken = 1000.0 * speed * section;
+    let off = water[0] + water[1] + taken;
+    // The density of the water follows its pressure next to the block: by 0.4 %, in proportion to the speed.
+    assert!(off.abs() < 0.01 * taken, "{water:?} with {taken}");
+    assert!(water[0] < -0.5 * taken, "{water:?} with {taken}");
 }

@@ -4,7 +4,7 @@ use super::rows::Row;
 use super::{BodyMap, FLUID, OUTSIDE, tag};
 use lbm::lanes::Stored;
 use lbm::links::gaps::Gaps;
-use lbm::links::mirrored::{MirroredLink, bounce_mirrored};
+use lbm::links::mirrored::{MirroredLink, MirroredLoads, bounce_mirrored};
 use lbm::links::{BodyLink, Load, Rigid, Scheme};
 use lbm::populations::Populations;
 use std::sync::atomic::Ordering;
@@ -68,7 +68,7 @@ impl BodyMap {
         }
     }
 
-    /// Finds the halves of the links of closed cells of joints, which are at rest and have no load.
+    /// Finds the halves of the links of closed cells of joints, which are at rest. They load no body, only the planes.
     pub(super) fn mirror_joints<S: Stored>(
         &self,
         closed: &[(usize, [i32; 3])],
@@ -82,14 +82,7 @@ impl BodyMap {
         for &(_, inner) in closed {
             self.through(inner, |through| {
                 if through.there == FLUID {
-                    let halves = self.halves(&through, [0; 3], None, populations);
-                    found.extend(halves.map(|link| MirroredLink {
-                        half: BodyLink {
-                            loads: false,
-                            ..link.half
-                        },
-                        ..link
-                    }));
+                    found.extend(self.halves(&through, [0; 3], None, populations));
                 }
             });
         }
@@ -190,44 +183,47 @@ impl BodyMap {
     }
 
     /// Reflects populations on links through planes of symmetry and adds the loads. Returns the load that the planes
-    /// receive, which completes the balance of the momentum; none without such planes.
+    /// receive instead of the bodies, which completes the balance of the momentum, and that of the water on the planes;
+    /// none without such planes.
     pub fn bounce_at_planes<S: Stored>(
         &self,
         populations: &mut Populations<S>,
         scheme: Scheme,
         loads: &mut [Load],
-    ) -> Option<Load> {
+    ) -> Option<MirroredLoads> {
         if !self.slab.mirrors() {
             return None;
         }
-        let mut planes: Load = [0; 6];
+        let mut all = MirroredLoads::default();
         for (k, body) in self.bodies.iter().enumerate() {
             if body.mirrored.is_empty() {
                 continue;
             }
             let (links, gaps) = (&body.mirrored, &body.mirrored_gaps);
             let (motion, faces) = (&self.motion[k], self.faces(k));
-            let mut load: Load = [0; 6];
+            let mut own = MirroredLoads::default();
             if self.slab.dimension == 2 {
-                bounce_mirrored::<S, 2>(populations, scheme, links, gaps, motion, faces, &mut load);
+                bounce_mirrored::<S, 2>(populations, scheme, links, gaps, motion, faces, &mut own);
             } else {
-                bounce_mirrored::<S, 3>(populations, scheme, links, gaps, motion, faces, &mut load);
+                bounce_mirrored::<S, 3>(populations, scheme, links, gaps, motion, faces, &mut own);
             }
             for a in 0..6 {
-                loads[k][a] += load[a];
+                loads[k][a] += own.body[a];
             }
             for a in 0..3 {
-                planes[a] -= load[a];
+                all.body[a] -= own.body[a];
             }
+            all.add_planes(&own.planes);
         }
         let (links, half) = (self.mirrored_joint_links(), Scheme::HalfWay);
         let (gaps, still) = (&Gaps::default(), &Rigid::default());
-        let mut none: Load = [0; 6];
+        let mut joints = MirroredLoads::default();
         if self.slab.dimension == 2 {
-            bounce_mirrored::<S, 2>(populations, half, links, gaps, still, &[], &mut none);
+            bounce_mirrored::<S, 2>(populations, half, links, gaps, still, &[], &mut joints);
         } else {
-            bounce_mirrored::<S, 3>(populations, half, links, gaps, still, &[], &mut none);
+            bounce_mirrored::<S, 3>(populations, half, links, gaps, still, &[], &mut joints);
         }
-        Some(planes)
+        all.add_planes(&joints.planes);
+        Some(all)
     }
 }

@@ -1,6 +1,6 @@
 //! Flow through the faces of a slab: mass and momentum of each patch, summed as integers.
 
-use super::{Boundaries, EdgeLink, links};
+use super::{Boundaries, EdgeLink, FACES, Patch, links};
 use crate::lanes::Stored;
 use crate::populations::{Link, Populations};
 use crate::quanta::quanta;
@@ -29,32 +29,39 @@ struct Exchange {
     mirrored: Option<f64>,
 }
 
-impl<S: Stored> Boundaries<S> {
-    /// Returns the flow through each patch in the last step on this rank. It requires a pass over the boundary
-    /// links.
-    #[must_use]
-    pub fn fluxes(&self, populations: &Populations<S>) -> Vec<Flux> {
-        let mut fluxes = Vec::new();
-        self.fluxes_into(populations, (|_| true, |_| false), &mut fluxes);
-        fluxes
-    }
+/// Forces on the faces of the domain, each along its axis, in quanta: lower and upper end of each axis.
+pub type FaceLoads = [[i128; 2]; 3];
 
-    /// Computes [`Self::fluxes`] into a reusable list; `wet` returns `true` for the positions of cells with water or
-    /// solids, and `solid` for those of structures.
+/// Contents of cells, by their positions within an array, and loads of solids on planes of symmetry.
+pub struct Beside<'a> {
+    /// Returns `true` for cells with water or solids: their populations have crossed the face in the last step.
+    pub wet: &'a dyn Fn(usize) -> bool,
+    /// Returns `true` for the cells of structures and of bodies with a content of their own.
+    pub solid: &'a dyn Fn(usize) -> bool,
+    /// Returns `true` for links, by cell and direction, that structures cut at planes of symmetry.
+    pub cut: &'a dyn Fn((u32, u8)) -> bool,
+    /// Faces that are planes of symmetry as a whole: lower and upper end of each axis.
+    pub planes: [[bool; 2]; 3],
+    /// Loads on these planes by water at links into mirror images of solids.
+    pub loads: FaceLoads,
+}
+
+impl<S: Stored> Boundaries<S> {
+    /// Returns the flow of water through each patch in the last step on this rank. It requires a pass over the boundary
+    /// links.
     ///
-    /// Gas and structures have the reference pressure, whatever numbers a pass leaves in their cells. A symmetry plane
-    /// joins two cells. If one of them is gas, the surface of the water crosses the link, and the other one exchanges
-    /// momentum with the gas instead of the face. If one is solid, the mirror image of the solid reflects the
-    /// population of the other one, so that it counts for both. Otherwise the population that enters is the one that
-    /// left, whatever a free surface or a body has put in its place since: the plane exerts no friction.
-    pub fn fluxes_into(
-        &self,
-        populations: &Populations<S>,
-        (wet, solid): (impl Fn(usize) -> bool, impl Fn(usize) -> bool),
-        fluxes: &mut Vec<Flux>,
-    ) {
-        fluxes.clear();
-        fluxes.resize(self.patches.len(), Flux::default());
+    /// Gas, structures and the content of bodies have the reference pressure, whatever numbers a pass leaves in their
+    /// cells, and no mass of theirs counts.
+    ///
+    /// A plane of symmetry joins two cells. The population that enters is the one that crossed the plane: that which
+    /// left the other cell, or what a free surface has put in its place. By symmetry as much leaves as enters, and the
+    /// plane exerts no friction. If one of the cells is gas, the surface of the water crosses the link, and the other
+    /// one exchanges momentum with the gas instead of the face. If one is solid, or a sheet is between them, the water
+    /// meets the solid or its mirror image, and the loads on the plane are [`Beside::loads`]; at a plane that is only a
+    /// part of a face there is no image, and the population that left counts for both cells.
+    #[must_use]
+    pub fn fluxes(&self, populations: &Populations<S>, beside: &Beside<'_>) -> Vec<Flux> {
+        let mut fluxes = vec![Flux::default(); self.patches.len()];
         let velocities = populations.velocities();
         self.crossings(populations, |exchange| {
             let Exchange {
@@ -65,15 +72,20 @@ impl<S: Stored> Boundaries<S> {
                 mirrored,
             } = exchange;
             let [(mut a, i), (mut b, j)] = [out, into];
-            let solids = cells.map(|cell| solid(cell as usize));
+            let solids = cells.map(|cell| (beside.solid)(cell as usize));
+            let mut counts = solids != [true; 2] && cells.iter().all(|c| (beside.wet)(*c as usize));
             if let Some(own) = mirrored {
-                if solids[0] {
-                    a = own;
-                }
+                a = if solids[0] { own } else { b };
                 b = a;
+                let has_images = (0..3).all(|axis| {
+                    let c = [i, j].map(|i| velocities.c[i][axis]);
+                    c[0] == c[1] || beside.planes[axis][usize::from(c[0] > 0)]
+                });
+                let link = (cells[1], u8::try_from(velocities.opposite[j]).unwrap_or(0));
+                let meets = solids.contains(&true) || (beside.cut)(link);
+                counts &= !(has_images && meets);
             }
-            let dry = cells.iter().any(|cell| !wet(*cell as usize));
-            if dry || solids == [true; 2] {
+            if !counts {
                 (a, b) = (0.0, 0.0);
             }
             let (leaves, enters) = (
@@ -92,6 +104,21 @@ impl<S: Stored> Boundaries<S> {
             }
             fluxes[patch].mass += leaves - enters;
         });
+        self.add_plane_loads(&beside.loads, &mut fluxes);
+        fluxes
+    }
+
+    /// Adds loads on planes of symmetry to the last patch of their faces.
+    fn add_plane_loads(&self, loads: &FaceLoads, fluxes: &mut [Flux]) {
+        let stated = &self.patches[..self.count() - FACES];
+        for (axis, ends) in loads.iter().enumerate() {
+            for (upper, load) in [false, true].into_iter().zip(ends) {
+                let is_there = |patch: &Patch<S>| (patch.axis, patch.upper) == (axis, upper);
+                if let Some(patch) = stated.iter().rposition(is_there) {
+                    fluxes[patch].force[axis] += load;
+                }
+            }
+        }
     }
 
     /// Returns mass and momentum that left through all faces in the last step on this rank, in quanta: mass, then

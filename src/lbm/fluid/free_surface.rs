@@ -17,6 +17,7 @@ impl<S: Stored> Fluid<S> {
         let mut surface = SlabSurface::new(&self.populations, self.ends(domain), domain)
             .map_err(FluidError::Surface)?;
         surface.open(self.openings());
+        surface.set_mirrored(self.boundaries.mirrored_cells(&self.populations));
         self.surface = Some(Box::new(surface));
         Ok(())
     }

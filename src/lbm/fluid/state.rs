@@ -1,10 +1,11 @@
 //! Quantities computed from a fluid: force, state of the cells, stress, and flux through its faces.
 
 use super::Fluid;
-use crate::boundary::Flux;
+use crate::boundary::{Beside, FaceLoads, Flux};
 use crate::extremes::{self, Extremes};
 use crate::initial;
 use crate::lanes::Stored;
+use crate::surface::SlabSurface;
 use std::collections::HashSet;
 use std::ops::Range;
 
@@ -165,29 +166,39 @@ impl<S: Stored> Fluid<S> {
         stress
     }
 
-    /// Returns the flow through each patch during the last step, on this rank.
+    /// Returns the flow of water through each patch during the last step, on this rank, of a fluid without bodies.
     #[must_use]
     pub fn fluxes(&self) -> Vec<Flux> {
-        let mut fluxes = Vec::new();
-        self.fluxes_into(&mut fluxes);
-        fluxes
+        self.fluxes_beside(None, FaceLoads::default())
     }
 
-    /// Computes [`Self::fluxes`] into a reusable list.
-    pub fn fluxes_into(&self, fluxes: &mut Vec<Flux>) {
+    /// Returns the flow of water through each patch during the last step, on this rank. `bodies` returns `true` for the
+    /// cells and ghost cells (local coordinates) that bodies with a content of their own filled in that step; `loads`
+    /// are those on planes of symmetry at links into mirror images of structures and bodies.
+    pub fn fluxes_beside(
+        &self,
+        bodies: Option<&dyn Fn([isize; 3]) -> bool>,
+        loads: FaceLoads,
+    ) -> Vec<Flux> {
         // Cells that water has just reached sent nothing in the pass.
         let surface = self.surface().into_iter();
-        let reached: HashSet<usize> = surface
-            .flat_map(|surface| surface.entered().chain(surface.newly_held()))
-            .map(|(cell, _)| cell)
-            .collect();
-        let solid = |cell| self.closed.holds(cell);
+        let reached: HashSet<usize> = surface.flat_map(SlabSurface::reached).collect();
+        let in_body =
+            |cell| bodies.is_some_and(|in_body| in_body(self.populations.coordinates(cell)));
+        let solid = |cell| self.closed.holds(cell) || in_body(cell);
         let wet = |cell| solid(cell) || self.holds_water(cell) && !reached.contains(&cell);
-        self.boundaries
-            .fluxes_into(&self.populations, (wet, solid), fluxes);
+        let beside = Beside {
+            wet: &wet,
+            solid: &solid,
+            cut: &|link| self.closed.cuts(link),
+            planes: self.planes_of_symmetry(),
+            loads,
+        };
+        let mut fluxes = self.boundaries.fluxes(&self.populations, &beside);
         for (patch, entered) in self.surface().iter().flat_map(|s| s.entered_in_last_step()) {
             fluxes[patch].mass = -entered;
         }
+        fluxes
     }
 
     /// Returns mass and momentum that left through all faces during the last step on this rank, in quanta. The

@@ -10,21 +10,45 @@
 //! where e leads from y through the plane to the image of x. The body receives the load of the mirrored link, from the
 //! image of x along -e: all loads on a body at a plane are those on its half in a domain of twice the size. Each half
 //! of a link is listed where its cell is in the slab.
+//!
+//! The population of x crosses the plane and returns, and by symmetry so does that of its image. The plane thus
+//! receives twice the normal part of what x gives away, and no tangential part: the load on the image, minus that on
+//! the body. A link that meets the body itself before the plane gives nothing to the plane.
 
 use super::gaps::Gaps;
 use super::{
     Along, BodyLink, CellPlane, Load, Numbers, Parity, Rigid, Scheme, Table, add_along, dot,
     into_ball, into_block, surface_velocity,
 };
+use crate::boundary::FaceLoads;
 use crate::lanes::Stored;
 use crate::populations::Populations;
 use crate::quanta::quanta;
 
+/// Loads of the links of a body through planes of symmetry.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct MirroredLoads {
+    /// Load on the body.
+    pub body: Load,
+    /// Loads on the planes.
+    pub planes: FaceLoads,
+}
+
+impl MirroredLoads {
+    /// Adds the loads on the planes of other links.
+    pub fn add_planes(&mut self, planes: &FaceLoads) {
+        let loads = self.planes.as_flattened_mut().iter_mut();
+        for (sum, load) in loads.zip(planes.as_flattened()) {
+            *sum += load;
+        }
+    }
+}
+
 /// Half of a link through a plane of symmetry, at a cell of this slab.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MirroredLink {
-    /// Populations of the cell, point on the plane, direction in which they act on the body, and switches; of the
-    /// halves inside bodies none has a load.
+    /// Populations of the cell, point on the plane, direction in which they act on the body, and switches; the halves
+    /// inside bodies have no load.
     pub half: BodyLink,
     /// Direction from the cell through the plane.
     pub leaves: u8,
@@ -34,7 +58,7 @@ pub struct MirroredLink {
     pub kappa: Option<f64>,
 }
 
-/// Applies bounce-back on the halves of a body and adds its load; `gaps` are those of the halves, and `faces` those of
+/// Applies bounce-back on the halves of a body and adds the loads; `gaps` are those of the halves, and `faces` those of
 /// a polyhedron.
 ///
 /// # Panics
@@ -46,7 +70,7 @@ pub fn bounce_mirrored<S: Stored, const D: usize>(
     gaps: &Gaps,
     motion: &Rigid,
     faces: &[CellPlane],
-    load: &mut Load,
+    loads: &mut MirroredLoads,
 ) {
     let parity = populations.parity();
     let table = Table::new(populations);
@@ -59,7 +83,7 @@ pub fn bounce_mirrored<S: Stored, const D: usize>(
     };
     for link in links {
         // SAFETY: positions made by `Populations::link` lie in the array, and no other thread uses it.
-        unsafe { one::<S, D>(&all, scheme, link, gaps, faces, load) };
+        unsafe { one::<S, D>(&all, scheme, link, gaps, faces, loads) };
     }
 }
 
@@ -71,7 +95,7 @@ unsafe fn one<S: Stored, const D: usize>(
     link: &MirroredLink,
     gaps: &Gaps,
     faces: &[CellPlane],
-    load: &mut Load,
+    loads: &mut MirroredLoads,
 ) {
     let (half, motion) = (&link.half, all.motion);
     let along = all.table.direction(half);
@@ -125,7 +149,12 @@ unsafe fn one<S: Stored, const D: usize>(
             .write(S::from_f64(back));
     }
     if half.loads {
-        add_along::<D>(load, quanta(leaves + back), acts, half.middle);
+        let given = quanta(leaves + back);
+        add_along::<D>(&mut loads.body, given, acts, half.middle);
+        for (a, planes) in loads.planes.iter_mut().enumerate() {
+            planes[usize::from(own.ci[a] > 0)] +=
+                i128::from(own.ci[a] - acts[a]) * i128::from(given);
+        }
     }
 }
 

@@ -6,8 +6,12 @@
 //! to the face with the strongest condition (see [`lbm::boundary`]).
 //!
 //! On a face with inflow or outflow the force includes the momentum of that fluid. A plane of symmetry exerts no
-//! tangential force, also below a moving surface (`lbm::boundary` counts there the populations that left, not those
-//! that the surface has put in the place of their mirror images).
+//! tangential force, also below a moving surface.
+//!
+//! Force and mass flux are those of the water. Where a structure, or a body with moving bounce-back, covers a face,
+//! they are zero, whatever it contains: a body that leaves through an opening is no discharge. Partially saturated
+//! cells have the pressure of the adjacent water and pass it on, so that a face has it below a body too; what moves
+//! with such a body through an opening counts in the mass flux.
 
 use super::quantity::Quantity;
 use super::{Heading, Rows, Run, face_area, fluid, no_fluid};
