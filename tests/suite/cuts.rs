@@ -164,6 +164,7 @@ scenes! {
     symmetry_planes
     wet_plane
     block_on_a_plane
+    blocks_on_planes
 }
 
 /// Checks the cases of a folder, if one is named.

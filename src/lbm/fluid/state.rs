@@ -175,6 +175,7 @@ impl<S: Stored> Fluid<S> {
     /// Returns the flow of water through each patch during the last step, on this rank. `bodies` returns `true` for the
     /// cells and ghost cells (local coordinates) that bodies with a content of their own filled in that step; `loads`
     /// are those on planes of symmetry at links into mirror images of structures and bodies.
+    #[must_use]
     pub fn fluxes_beside(
         &self,
         bodies: Option<&dyn Fn([isize; 3]) -> bool>,
