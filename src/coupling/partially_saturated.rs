@@ -363,7 +363,7 @@ impl<Sp: Space, S: Stored> FluidView for PartiallySaturated<Sp, S> {
         structures.map_or(&[], StructureMap::loads)
     }
 
-    /// The cells of bodies count like water: their content has the pressure of the water and passes it on.
+    /// Counts the cells of bodies like water: their content has the pressure of the water and passes it on.
     fn fluxes(&self) -> Vec<Flux> {
         let structures = self.structures.as_deref();
         let loads = structures.map(StructureMap::plane_loads);
