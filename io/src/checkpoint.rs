@@ -28,7 +28,7 @@ use crate::atomic;
 use crate::data::{Element, Kind, Numbers};
 use crate::error::{Error, Result};
 use crate::group::{Group, agree, on_root};
-use crate::hdf::{self, Attribute, Content, DatasetPart, Mode, Transfer, product};
+use crate::hdf::{self, Attribute, Content, DatasetPart, Mode, product};
 use crate::plain;
 
 /// One rank's box of a named array of the state.
@@ -507,7 +507,7 @@ fn crc_of(path: &Path, dataset: &hdf5::Dataset, kind: Kind, block: &ArrayBlock) 
         for round in 0..pieces.rounds() {
             let (start, count) = pieces.start_and_count(round);
             numbers.resize(product(&count), T::default());
-            hdf::read_box(dataset, &start, &count, &mut numbers, Transfer::Independent)?;
+            hdf::read_box(dataset, &start, &count, &mut numbers)?;
             sum.update(T::data(&numbers).bytes());
         }
         Ok(sum.finalize())
@@ -660,13 +660,10 @@ fn no_checkpoint(folder: &Path, passed_over: &[String]) -> Error {
 }
 
 /// Reads boxes of a checkpoint's arrays, on any number of ranks.
-pub struct Reader<'g> {
+pub struct Reader {
     file: hdf5::File,
     path: PathBuf,
     manifest: Manifest,
-    /// Ranks that read together.
-    group: Option<&'g dyn Group>,
-    transfer: Transfer,
 }
 
 /// Checks that a file contains the arrays of its manifest itself, and not as links or references to other files of
@@ -722,7 +719,7 @@ fn within(group: &hdf5::Group, path: &str, depth: usize, seen: &mut usize) -> hd
 /// Maximum number of names in the file of a checkpoint.
 const MAX_NAMES: usize = 10_000;
 
-impl<'g> Reader<'g> {
+impl Reader {
     /// Opens a checkpoint for this rank alone, which then reads independently of other ranks.
     ///
     /// # Errors
@@ -735,42 +732,7 @@ impl<'g> Reader<'g> {
             file,
             path,
             manifest: found.manifest.clone(),
-            group: None,
-            transfer: Transfer::Independent,
         })
-    }
-
-    /// Opens a checkpoint together: every rank then makes the same calls in the same order, each with its own box,
-    /// receives the same error as the others, and ends with [`Reader::close`]. Collective where the group has a
-    /// communicator.
-    ///
-    /// # Errors
-    /// If the file cannot be opened, [`Error::Hdf`] or [`Error::Broken`] on all ranks.
-    pub fn open_together(found: &Found, group: &'g dyn Group, mode: Mode) -> Result<Self> {
-        let Some(communicator) = hdf::communicator(group, mode) else {
-            let alone = agree(group, Self::open(found))?;
-            return Ok(Self {
-                group: Some(group),
-                ..alone
-            });
-        };
-        let path = found.manifest.data_path(&found.path);
-        // Each rank inspects the contents of the file itself, before all open it together.
-        agree(group, Self::open(found).and_then(Self::close))?;
-        let opened = hdf::open(&path, Some(communicator));
-        Ok(Self {
-            file: agree(group, opened).map_err(|e| e.broken(&path))?,
-            path,
-            manifest: found.manifest.clone(),
-            group: Some(group),
-            transfer: Transfer::Collective,
-        })
-    }
-
-    /// Returns the contents of the checkpoint.
-    #[must_use]
-    pub fn manifest(&self) -> &Manifest {
-        &self.manifest
     }
 
     /// Returns the attributes that the caller gave at writing.
@@ -801,7 +763,7 @@ impl<'g> Reader<'g> {
     ///
     /// # Errors
     /// If the array is missing, has another number type, or the box or the slice does not fit ([`Error::Invalid`]),
-    /// or if the file cannot be read ([`Error::Hdf`]). The error is the same on all ranks if they read together.
+    /// or if the file cannot be read ([`Error::Hdf`]).
     pub fn read_into<T: Element>(
         &self,
         name: &str,
@@ -809,27 +771,14 @@ impl<'g> Reader<'g> {
         count: &[usize],
         into: &mut [T],
     ) -> Result<()> {
-        // A rank that returned here would make the others wait in the joint read.
-        self.together(self.fits::<T>(name, start, count, into.len()))?;
+        self.fits::<T>(name, start, count, into.len())?;
         if product(self.shape(name)?) == 0 {
             return Ok(());
         }
-        let read = self
-            .file
+        self.file
             .dataset(&format!("/{name}"))
-            .and_then(|dataset| hdf::read_box(&dataset, start, count, into, self.transfer))
-            .map_err(|e| Error::hdf(&self.path, &format!("read {name}"), &e));
-        match self.transfer {
-            Transfer::Collective => self.together(read).map_err(|e| e.broken(&self.path)),
-            Transfer::Independent => self.together(read),
-        }
-    }
-
-    fn together(&self, mine: Result<()>) -> Result<()> {
-        match self.group {
-            Some(group) => agree(group, mine),
-            None => mine,
-        }
+            .and_then(|dataset| hdf::read_box(&dataset, start, count, into))
+            .map_err(|e| Error::hdf(&self.path, &format!("read {name}"), &e))
     }
 
     fn fits<T: Element>(
@@ -881,7 +830,7 @@ impl<'g> Reader<'g> {
     /// its numbers.
     ///
     /// # Errors
-    /// If [`Reader::read_into`] or `take` fails; the error is the same on all ranks if they read together.
+    /// If [`Reader::read_into`] or `take` fails.
     pub fn read_in_pieces<T: Element>(
         &self,
         name: &str,
@@ -889,20 +838,15 @@ impl<'g> Reader<'g> {
         count: &[usize],
         mut take: impl FnMut(Range<usize>, &[T]) -> Result<()>,
     ) -> Result<()> {
-        let inside = match self.shape(name) {
-            Ok(shape) if hdf::is_inside(start, count, shape) => Ok(()),
-            _ => self.fits::<T>(name, start, count, product(count)),
-        };
-        self.together(inside)?;
+        match self.shape(name) {
+            Ok(shape) if hdf::is_inside(start, count, shape) => {}
+            _ => self.fits::<T>(name, start, count, product(count))?,
+        }
         let pieces = hdf::Pieces::new(start, count, size_of::<T>());
-        let rounds = match self.group {
-            Some(group) => hdf::maximum_of_ranks(group, pieces.rounds())?,
-            None => pieces.rounds(),
-        };
-        for round in 0..rounds {
+        for round in 0..pieces.rounds() {
             let (start, count) = pieces.start_and_count(round);
             let numbers = self.read::<T>(name, &start, &count)?;
-            self.together(take(pieces.range(round), &numbers))?;
+            take(pieces.range(round), &numbers)?;
         }
         Ok(())
     }
@@ -914,16 +858,6 @@ impl<'g> Reader<'g> {
     pub fn read_all<T: Element>(&self, name: &str) -> Result<Vec<T>> {
         let shape = self.shape(name)?.to_vec();
         self.read(name, &vec![0; shape.len()], &shape)
-    }
-
-    /// Closes the file; required if it was opened together.
-    ///
-    /// # Errors
-    /// [`Error::Hdf`].
-    pub fn close(self) -> Result<()> {
-        self.file
-            .close()
-            .map_err(|e| Error::hdf(&self.path, "close the file", &e))
     }
 }
 
@@ -986,9 +920,9 @@ mod tests {
         save(dir.path(), 100, 2).unwrap();
         let found = newest(dir.path(), &Alone).unwrap();
         assert!(found.passed_over.is_empty());
-        let reader = Reader::open_together(&found, &Alone, Mode::Collective).unwrap();
+        let reader = Reader::open(&found).unwrap();
         assert_eq!(reader.attributes()["case_hash"], "abc");
-        assert_eq!(reader.manifest().time.to_bits(), 0.25_f64.to_bits());
+        assert_eq!(found.manifest.time.to_bits(), 0.25_f64.to_bits());
         assert_eq!(reader.shape("particles/position").unwrap(), [100, 3]);
         let row = reader
             .read::<f64>("particles/position", &[2, 1], &[2, 2])
@@ -1004,7 +938,6 @@ mod tests {
                 .read::<u64>("particles/id", &[usize::MAX], &[2])
                 .is_err()
         );
-        reader.close().unwrap();
         let info = crate::fields::inspect(&dir.path().join("checkpoint_000000100.h5")).unwrap();
         assert!(
             info.attribute("/checkpoint/caller", "attributes")

@@ -13,7 +13,7 @@ use serde_json::Value;
 
 use crate::data::Kind;
 use crate::error::{Error, Result};
-use crate::hdf::{self, Transfer, product};
+use crate::hdf::{self, product};
 
 /// Description of one dataset.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -191,7 +191,7 @@ pub fn read_f64(path: &Path, dataset: &str, start: &[usize], count: &[usize]) ->
             .into());
         }
         let mut values = vec![0.0; product(count)];
-        hdf::read_box(&dataset, start, count, &mut values, Transfer::Independent)?;
+        hdf::read_box(&dataset, start, count, &mut values)?;
         Ok(values)
     };
     let values = read().map_err(|e| Error::hdf(path, &format!("read {dataset}"), &e));

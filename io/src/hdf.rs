@@ -452,7 +452,7 @@ fn write_piece(
 }
 
 /// Returns the maximum of a number over the ranks.
-pub(crate) fn maximum_of_ranks(group: &dyn Group, mine: usize) -> Result<usize> {
+fn maximum_of_ranks(group: &dyn Group, mine: usize) -> Result<usize> {
     let mut largest = 0;
     for bytes in group.gather(&(mine as u64).to_le_bytes()) {
         largest = largest.max(index(
@@ -682,7 +682,7 @@ fn set_text(place: &Location, name: &str, text: &str) -> hdf5::Result<()> {
 
 /// Transfer mode of the MPI driver; the serial driver supports only the independent one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Transfer {
+enum Transfer {
     Independent,
     Collective,
 }
@@ -786,13 +786,12 @@ pub(crate) fn read_box<T: crate::Element>(
     start: &[usize],
     count: &[usize],
     into: &mut [T],
-    transfer: Transfer,
 ) -> hdf5::Result<()> {
     if product(count) != into.len() {
         return Err(format!("a buffer of {} numbers for a box {count:?}", into.len()).into());
     }
     let kind = hdf5::Datatype::from_descriptor(&T::KIND.descriptor())?;
-    let list = TransferList::new(transfer)?;
+    let list = TransferList::new(Transfer::Independent)?;
     let (space, memory) = select(dataset, start, count)?;
     // SAFETY: all handles are open; the memory's dataspace has product(count) elements of type T, the length of `into`
     // (checked above), and every bit pattern is a T (Element is sealed).
@@ -880,26 +879,10 @@ mod tests {
         let file = open(&path, None).unwrap();
         let dataset = file.dataset("/a/b/numbers").unwrap();
         let mut box_ = [0_i64; 4];
-        read_box(
-            &dataset,
-            &[1, 1, 0],
-            &[1, 2, 2],
-            &mut box_,
-            Transfer::Independent,
-        )
-        .unwrap();
+        read_box(&dataset, &[1, 1, 0], &[1, 2, 2], &mut box_).unwrap();
         assert_eq!(box_, [16, 17, 20, 21]);
         let mut outside = [0.0_f64; 4];
-        assert!(
-            read_box(
-                &dataset,
-                &[2, 1, 0],
-                &[1, 2, 2],
-                &mut outside,
-                Transfer::Independent
-            )
-            .is_err()
-        );
+        assert!(read_box(&dataset, &[2, 1, 0], &[1, 2, 2], &mut outside,).is_err());
         assert_eq!(file.dataset("/nothing").unwrap().shape(), vec![0, 3]);
         let text: Vec<u8> = file
             .dataset("/provenance/case")

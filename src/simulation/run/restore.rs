@@ -153,7 +153,7 @@ impl Parts {
 ///
 /// # Errors
 /// If it cannot be read, [`Error::Io`].
-pub(super) fn reader(found: &Found) -> Result<Reader<'static>, Error> {
+pub(super) fn reader(found: &Found) -> Result<Reader, Error> {
     Reader::open(found).map_err(|e| Error::Io(e.to_string()))
 }
 
