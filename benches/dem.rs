@@ -31,13 +31,16 @@ use solver::simulation::calibration;
 
 const PAPER: cohesive_frictional::CohesiveFrictionalParameters =
     cohesive_frictional::CohesiveFrictionalParameters {
-        normal_stiffness: Scaled::PerDiameter(150e6),
-        stiffness_ratio: 0.4,
-        // The tangent of 20 degrees.
-        friction: 0.363_970_234_266_202_36,
+        linear: linear::LinearParameters {
+            normal_stiffness: Scaled::PerDiameter(150e6),
+            stiffness_ratio: 0.4,
+            // The tangent of 20 degrees.
+            friction: 0.363_970_234_266_202_36,
+            normal_damping_ratio: 0.0,
+            shear_damping_ratio: 0.0,
+            attraction: false,
+        },
         cohesion: Scaled::PerDiameter(0.506),
-        normal_damping_ratio: 0.0,
-        shear_damping_ratio: 0.0,
     };
 
 fn report<S: Space>(

@@ -208,8 +208,6 @@ pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
     fn bond(_: &Self::Constants, _: &mut Self::History, _overlap: f64) -> bool {
         false
     }
-    /// Removes the bond.
-    fn unbond(_: &mut Self::History) {}
     /// Returns the largest gap \[m\] over which a pair that [`Self::holds`] still acts, for a range of mean diameters
     /// \[m\] of pairs.
     fn widest_opening(&self, _diameters: [f64; 2]) -> f64 {

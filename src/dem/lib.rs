@@ -340,11 +340,6 @@ impl<S: Space> Dem<S> {
         Ok(self.engine.bond_all(particles))
     }
 
-    /// Removes all bonds; contacts and their shear forces remain.
-    pub fn unbond(&mut self) {
-        self.engine.unbond();
-    }
-
     /// Returns the bonds reported by this rank that failed since the last call.
     pub fn take_breaks(&mut self) -> Vec<BondBreak<S>> {
         self.engine.take_breaks()

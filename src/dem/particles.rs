@@ -401,13 +401,6 @@ impl<S: Space> Particles<S> {
         }
     }
 
-    /// Returns the velocity [m/s] of the material point of entry `k` at `arm` from its centre.
-    #[must_use]
-    #[inline]
-    pub fn velocity_at(&self, k: usize, arm: &S::Vector) -> S::Vector {
-        self.motion[k].velocity + S::surface_velocity(&self.motion[k].spin, arm)
-    }
-
     /// Inserts a grain at any position on this rank. The next step sends it to its owner. Ghosts are dropped.
     #[inline(never)]
     pub fn insert(&mut self, body: Body, motion: Motion<S>) {

@@ -111,10 +111,6 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     fn mass(density: f64, radius: f64) -> f64 {
         density * Self::measure(radius)
     }
-    /// Returns the velocity `spin x arm` that a spin gives to a point of the body.
-    fn surface_velocity(spin: &Self::Spin, arm: &Self::Vector) -> Self::Vector;
-    /// Returns the moment `arm x force`.
-    fn moment(arm: &Self::Vector, force: &Self::Vector) -> Self::Spin;
     /// Returns the sliding velocity at a contact: the tangential part of `velocity - rolling x normal`, where
     /// `velocity` is that of the second centre relative to the first and `rolling` the sum of both spins times
     /// their lever arms.
@@ -155,14 +151,6 @@ impl Space for PlaneSpace {
     }
     fn inertia(mass: f64, radius: f64) -> f64 {
         0.5 * mass * radius * radius
-    }
-    #[inline(always)]
-    fn surface_velocity(spin: &f64, arm: &Self::Vector) -> Self::Vector {
-        SVector::<f64, 2>::new(-spin * arm[1], spin * arm[0])
-    }
-    #[inline(always)]
-    fn moment(arm: &Self::Vector, force: &Self::Vector) -> f64 {
-        arm[0] * force[1] - arm[1] * force[0]
     }
     #[inline(always)]
     fn slip(normal: &Self::Vector, velocity: &Self::Vector, rolling: &f64) -> f64 {
@@ -209,14 +197,6 @@ impl Space for Volume {
     }
     fn inertia(mass: f64, radius: f64) -> f64 {
         0.4 * mass * radius * radius
-    }
-    #[inline(always)]
-    fn surface_velocity(spin: &Self::Spin, arm: &Self::Vector) -> Self::Vector {
-        spin.cross(arm)
-    }
-    #[inline(always)]
-    fn moment(arm: &Self::Vector, force: &Self::Vector) -> Self::Spin {
-        arm.cross(force)
     }
     #[inline(always)]
     fn slip(normal: &Self::Vector, velocity: &Self::Vector, rolling: &Self::Spin) -> Self::Tangent {
@@ -305,11 +285,6 @@ mod tests {
         assert_relative_eq!(
             PlaneSpace::tangent_moment(&slip, &n),
             moment[2],
-            epsilon = 1e-14
-        );
-        assert_relative_eq!(
-            PlaneSpace::moment(&n, &v),
-            Volume::moment(&n3, &Vector3::new(v[0], v[1], 0.0))[2],
             epsilon = 1e-14
         );
     }

@@ -758,12 +758,15 @@ mod tests {
         assert!(cut > 20);
 
         let parameters = cohesive_frictional::CohesiveFrictionalParameters {
-            normal_stiffness: Scaled::PerDiameter(150e6),
-            stiffness_ratio: 0.4,
-            friction: 20.0_f64.to_radians().tan(),
+            linear: LinearParameters {
+                normal_stiffness: Scaled::PerDiameter(150e6),
+                stiffness_ratio: 0.4,
+                friction: 20.0_f64.to_radians().tan(),
+                normal_damping_ratio: 0.0,
+                shear_damping_ratio: 0.0,
+                attraction: false,
+            },
             cohesion: Scaled::PerDiameter(0.506),
-            normal_damping_ratio: 0.0,
-            shear_damping_ratio: 0.0,
         };
         let law = Law::CohesiveFrictional(CohesiveFrictional {
             parameters: PairTable::uniform(1, parameters),

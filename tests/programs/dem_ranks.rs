@@ -17,6 +17,7 @@ use nalgebra::{UnitQuaternion, Vector2, Vector3};
 use solver::dem::contact::Scaled;
 use solver::dem::contact::blocks::BlockLaw;
 use solver::dem::contact::cohesive_frictional::{self, CohesiveFrictional};
+use solver::dem::contact::linear;
 use solver::dem::polyhedron::{self, BlockContactModel, Polyhedron, Stiffness};
 use solver::dem::state::{NamedColumns, Values};
 use solver::dem::{
@@ -42,12 +43,15 @@ fn scene(name: &str) -> Result<(Dem<PlaneSpace>, Grains), Error> {
         0,
     );
     let parameters = cohesive_frictional::CohesiveFrictionalParameters {
-        normal_stiffness: Scaled::Absolute(5e5),
-        stiffness_ratio: 0.4,
-        friction: 20.0_f64.to_radians().tan(),
+        linear: linear::LinearParameters {
+            normal_stiffness: Scaled::Absolute(5e5),
+            stiffness_ratio: 0.4,
+            friction: 20.0_f64.to_radians().tan(),
+            normal_damping_ratio: 0.05,
+            shear_damping_ratio: 0.05,
+            attraction: false,
+        },
         cohesion: Scaled::Absolute(if name == "bonded" { 0.5 } else { 0.0 }),
-        normal_damping_ratio: 0.05,
-        shear_damping_ratio: 0.05,
     };
     let law = Law::CohesiveFrictional(CohesiveFrictional {
         parameters: PairTable::uniform(1, parameters),

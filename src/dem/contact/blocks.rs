@@ -13,11 +13,6 @@
 //! The area is used if the stiffness is per area. To leading order the overlap volume is `area * overlap`, as for a
 //! patch of a block.
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets: [m]"
-)]
-
 use nalgebra::Matrix3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -26,7 +21,6 @@ use serde_json::{Value, json};
 use super::super::blocks::{in_space, out_of_space};
 use super::super::polyhedron::{self, BlockContactModel, BlockHistory, Polyhedron, Stiffness};
 use super::super::space::{Components, Space};
-use super::super::{Body, Kind};
 use super::input::{coefficient, default_ratio, pair_table, states_friction};
 use super::{
     ContactForce, ContactKinematics, ContactLaw, ContactModel, ContactParameters, PairProperties,
@@ -46,11 +40,11 @@ use base::error::{Remedy, Report};
 pub struct BlockInput {
     /// Normal stiffness k_n.
     pub normal_stiffness: NormalStiffness,
-    /// Shear to normal stiffness k_s/k_n [1].
+    /// Shear to normal stiffness k_s/k_n \[1\].
     #[serde(default = "default_ratio")]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub shear_to_normal_stiffness: f64,
-    /// Friction angle Φ [degrees]. Default: 0, no friction; a warning says so.
+    /// Friction angle Φ \[degrees\]. Default: 0, no friction; a warning says so.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 89.0))]
     pub friction_angle_degrees: Option<f64>,
@@ -115,11 +109,11 @@ pub struct BlockMaterialPair {
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub normal_stiffness: Option<f64>,
-    /// Shear to normal stiffness k_s/k_n [1].
+    /// Shear to normal stiffness k_s/k_n \[1\].
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub shear_to_normal_stiffness: Option<f64>,
-    /// Friction angle [degrees].
+    /// Friction angle \[degrees\].
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 89.0))]
     pub friction_angle_degrees: Option<f64>,
@@ -256,7 +250,7 @@ pub struct BlockLaw {
     pub mass_damping: f64,
 }
 
-/// Returns springs and dashpots of a contact over `area` [m²] against an effective mass [kg], for stability.
+/// Returns springs and dashpots of a contact over `area` [m²] against an effective mass \[kg\], for stability.
 pub fn springs(pair: &polyhedron::BlockPairLaw, area: f64, mass: f64) -> Springs {
     Springs::damped(
         pair.stiffness(area),
@@ -353,7 +347,7 @@ impl ContactModel for BlockLaw {
     }
 }
 
-/// Values per pair: effective mass [kg], and `r1 r2/(r1 + r2)` [m] of the enclosing spheres.
+/// Values per pair: effective mass \[kg\], and `r1 r2/(r1 + r2)` \[m\] of the enclosing spheres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BlockScale {
     pub(crate) mass: f64,
@@ -368,29 +362,6 @@ pub struct BlockConstants {
 }
 
 impl BlockLaw {
-    /// Returns `sqrt(m/k)` [s] of the stiffest contact that any free block can have with bodies or walls of
-    /// `materials` materials; a stiffness per area acts over the largest face of the block. The explicit step must
-    /// be well below it: 0.1 of it is usual.
-    #[must_use]
-    pub fn critical_time_step<'a>(
-        &self,
-        blocks: impl IntoIterator<Item = (&'a Body, &'a Polyhedron)>,
-        materials: u32,
-    ) -> f64 {
-        let mut limit = f64::INFINITY;
-        for (body, shape) in blocks {
-            if body.kind != Kind::Free {
-                continue;
-            }
-            let area = shape.largest_face();
-            for material in 0..materials.max(1) {
-                let law = self.parameters.get(body.material, material);
-                let [normal, shear] = law.stiffness(area);
-                limit = limit.min((body.mass / normal.max(shear)).sqrt());
-            }
-        }
-        limit
-    }
 }
 
 impl<S: Space> ContactLaw<S> for BlockLaw {

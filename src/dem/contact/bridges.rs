@@ -25,11 +25,6 @@
 //! doi:10.1021/la000657y (appendix); gap of rupture with the leading term of G. Lian, C. Thornton, M. J. Adams,
 //! J. Colloid Interface Sci. 161 (1993) 138, doi:10.1006/jcis.1993.1452.
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets: [m]"
-)]
-
 use std::f64::consts::PI;
 
 use schemars::JsonSchema;
@@ -55,7 +50,7 @@ pub struct BridgesInput {
     #[serde(default = "water")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub tension: f64,
-    /// Contact angle of the water on the grains [degrees]. Default: 0, clean quartz.
+    /// Contact angle of the water on the grains \[degrees\]. Default: 0, clean quartz.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 50.0))]
     pub contact_angle_degrees: f64,
@@ -74,7 +69,7 @@ fn water() -> f64 {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum BridgeVolume {
-    /// Volume over the cube of the mean radius R = 2 r1 r2/(r1 + r2), at a wall R = 2 r [1].
+    /// Volume over the cube of the mean radius R = 2 r1 r2/(r1 + r2), at a wall R = 2 r \[1\].
     Ratio(#[schemars(range(min = 0.001, max = 0.1))] f64),
     /// Volume from the water in the cell of the grains: needs `fluid.darcy.unsaturated`.
     Moisture(BridgeMoisture),
@@ -84,11 +79,11 @@ pub enum BridgeVolume {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BridgeMoisture {
-    /// Mean number of bridges of a grain [1].
+    /// Mean number of bridges of a grain \[1\].
     #[serde(default = "six")]
     #[schemars(range(min = 1.0, max = 20.0))]
     pub bridges_per_grain: f64,
-    /// Degree of saturation at which bridges begin to merge [1]: the force falls linearly from there to 0 at
+    /// Degree of saturation at which bridges begin to merge \[1\]: the force falls linearly from there to 0 at
     /// saturation.
     #[serde(default = "pendular")]
     #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
@@ -113,7 +108,7 @@ pub struct BridgePair {
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub tension: Option<f64>,
-    /// Contact angle [degrees].
+    /// Contact angle \[degrees\].
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 50.0))]
     pub contact_angle_degrees: Option<f64>,
@@ -168,7 +163,7 @@ impl BridgesInput {
 pub struct BridgeParameters {
     /// Surface tension gamma [N/m].
     pub surface_tension: f64,
-    /// Contact angle theta [rad].
+    /// Contact angle theta \[rad\].
     pub contact_angle: f64,
     /// Volume of a bridge.
     pub volume: BridgeVolume,
@@ -261,7 +256,7 @@ const COEFFICIENTS: [[[f64; 3]; 4]; 4] = [
 ];
 
 impl Fit {
-    /// Returns the fit at a contact angle [rad].
+    /// Returns the fit at a contact angle \[rad\].
     #[must_use]
     pub fn new(theta: f64) -> Self {
         let at = |[one, linear, square]: [f64; 3]| one + theta * (linear + theta * square);
@@ -366,14 +361,14 @@ impl BridgeRow {
     }
 }
 
-/// Values per pair: those of the underlying law, and the mean radius [m].
+/// Values per pair: those of the underlying law, and the mean radius \[m\].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BridgeScale<C> {
     law: C,
     radius: f64,
 }
 
-/// Values per pair: those of the underlying law, the mean radius [m], and the bridge.
+/// Values per pair: those of the underlying law, the mean radius \[m\], and the bridge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BridgeConstants<C> {
     law: C,
@@ -381,7 +376,7 @@ pub struct BridgeConstants<C> {
     row: BridgeRow,
 }
 
-/// History of the underlying law, and the force of the bridge in the last step [N]; 0 without a bridge.
+/// History of the underlying law, and the force of the bridge in the last step \[N\]; 0 without a bridge.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BridgeHistory<M> {
     law: M,
@@ -460,10 +455,6 @@ impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Bridged<L> {
 
     fn bridge(history: &Self::History) -> f64 {
         history.pull + L::bridge(&history.law)
-    }
-
-    fn unbond(history: &mut Self::History) {
-        L::unbond(&mut history.law);
     }
 
     fn normal_spring(c: &Self::Constants, history: &Self::History, overlap: f64) -> f64 {

@@ -15,22 +15,16 @@
 //! Source: L. Sibille, F. Lominé, D. Marot, ICSE-6 (2012) 885; checked against trajectories of YADE 2023.02a
 //! (`Law2_ScGeom6D_CohFrictPhys_CohesionMoment`).
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets: [m]"
-)]
-
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::super::engine::bodies::Bodies;
 use super::super::space::{Components, Space};
-use super::input::{coefficient, default_ratio, pair_table, states_friction};
-use super::linear::{LinearConstants, LinearParameters, LinearRow};
+use super::input::{coefficient, default_ratio, pair_table, parameters_of_grains};
+use super::linear::{LinearConstants, LinearParameters, LinearRow, model_of_linear_springs};
 use super::{
     ContactForce, ContactKinematics, ContactLaw, ContactModel, ContactParameters, Failure, Pair,
-    PairProperties, PairTable, Scaled, SceneFacts, Springs, StaticContact, TimeLimits, cut_to,
-    load_tangent, save_tangent,
+    PairProperties, PairTable, Scaled, SceneFacts, cut_to, load_tangent, save_tangent,
 };
 use base::error::Report;
 
@@ -41,15 +35,15 @@ use base::error::Report;
 pub struct CohesiveFrictionalInput {
     /// Normal stiffness k_n [N/m]; per diameter [N/m2].
     pub normal_stiffness: Scaled,
-    /// Shear to normal stiffness k_s/k_n [1].
+    /// Shear to normal stiffness k_s/k_n \[1\].
     #[serde(default = "default_ratio")]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub shear_to_normal_stiffness: f64,
-    /// Friction angle Φ [degrees]. Default: 0, no friction; a warning says so.
+    /// Friction angle Φ \[degrees\]. Default: 0, no friction; a warning says so.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 89.0))]
     pub friction_angle_degrees: Option<f64>,
-    /// Cohesion C = C_s = -C_n of a bonded contact [N]; per diameter [N/m].
+    /// Cohesion C = C_s = -C_n of a bonded contact \[N\]; per diameter [N/m].
     #[serde(default)]
     pub cohesion: Scaled,
     /// Dashpot in parallel with the normal spring, as a fraction of the critical damping of the pair.
@@ -62,7 +56,7 @@ pub struct CohesiveFrictionalInput {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 2.0))]
     pub shear_damping_ratio: Option<f64>,
-    /// Local (non-viscous) damping [1]: a force of this fraction of the force on a grain acts against its motion; 0
+    /// Local (non-viscous) damping \[1\]: a force of this fraction of the force on a grain acts against its motion; 0
     /// turns it off.
     #[serde(default)]
     #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
@@ -73,24 +67,23 @@ pub struct CohesiveFrictionalInput {
 }
 
 impl<F: From<CohesiveFrictional>> ContactParameters<F> for CohesiveFrictionalInput {
-    fn states_friction(&self) -> bool {
-        states_friction(self.friction_angle_degrees, &self.pairs, |p| {
-            p.friction_angle_degrees
-        })
-    }
+    parameters_of_grains!();
 
     fn resolve(&self, scene: &SceneFacts<'_>, report: &mut dyn Report) -> Option<F> {
         let path = "contact.cohesive_frictional";
         let base = CohesiveFrictionalParameters {
-            normal_stiffness: self.normal_stiffness,
-            stiffness_ratio: self.shear_to_normal_stiffness,
-            friction: coefficient(self.friction_angle_degrees.unwrap_or(0.0)),
+            linear: LinearParameters {
+                normal_stiffness: self.normal_stiffness,
+                stiffness_ratio: self.shear_to_normal_stiffness,
+                friction: coefficient(self.friction_angle_degrees.unwrap_or(0.0)),
+                normal_damping_ratio: self.normal_damping_ratio,
+                shear_damping_ratio: scene
+                    .shear_damping(self.shear_damping_ratio, self.normal_damping_ratio),
+                attraction: false,
+            },
             cohesion: self.cohesion,
-            normal_damping_ratio: self.normal_damping_ratio,
-            shear_damping_ratio: scene
-                .shear_damping(self.shear_damping_ratio, self.normal_damping_ratio),
         };
-        base.linear().check(path, report);
+        base.linear.check(path, report);
         let parameters = pair_table(
             (path, scene),
             PairTable::uniform(scene.material_count(), base),
@@ -99,59 +92,24 @@ impl<F: From<CohesiveFrictional>> ContactParameters<F> for CohesiveFrictionalInp
             |_, pair, path, report| {
                 pair.check_stiffness(path, report);
                 pair.refuse_strengths(path, report);
-                let cohesion = pair.cohesion.unwrap_or(base.cohesion);
-                CohesiveFrictionalParameters::new(&base.linear().overridden(pair), cohesion)
+                CohesiveFrictionalParameters {
+                    linear: base.linear.overridden(pair),
+                    cohesion: pair.cohesion.unwrap_or(base.cohesion),
+                }
             },
         );
         Some(CohesiveFrictional { parameters }.into())
-    }
-
-    fn local_damping(&self) -> f64 {
-        self.local_damping
     }
 }
 
 /// Parameters of one pair of materials.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct CohesiveFrictionalParameters {
-    /// Normal stiffness [N/m]; in the plane [N/m per m of depth].
-    pub normal_stiffness: Scaled,
-    /// Ratio of shear to normal stiffness.
-    pub stiffness_ratio: f64,
-    /// Coefficient of friction, the tangent of the friction angle.
-    pub friction: f64,
-    /// Cohesion C [N]; in the plane [N per m of depth].
+    /// Springs, dashpots and friction.
+    #[serde(flatten)]
+    pub linear: LinearParameters,
+    /// Cohesion C \[N\]; in the plane [N per m of depth].
     pub cohesion: Scaled,
-    /// Normal dashpot as a fraction of critical damping.
-    pub normal_damping_ratio: f64,
-    /// Shear dashpot as a fraction of critical damping.
-    pub shear_damping_ratio: f64,
-}
-
-impl CohesiveFrictionalParameters {
-    /// Returns the parameters of springs, dashpots and friction with a cohesion.
-    fn new(linear: &LinearParameters, cohesion: Scaled) -> Self {
-        Self {
-            normal_stiffness: linear.normal_stiffness,
-            stiffness_ratio: linear.stiffness_ratio,
-            friction: linear.friction,
-            cohesion,
-            normal_damping_ratio: linear.normal_damping_ratio,
-            shear_damping_ratio: linear.shear_damping_ratio,
-        }
-    }
-
-    /// Returns springs, dashpots and friction.
-    fn linear(&self) -> LinearParameters {
-        LinearParameters {
-            normal_stiffness: self.normal_stiffness,
-            stiffness_ratio: self.stiffness_ratio,
-            friction: self.friction,
-            normal_damping_ratio: self.normal_damping_ratio,
-            shear_damping_ratio: self.shear_damping_ratio,
-            attraction: false,
-        }
-    }
 }
 
 /// Cohesive-frictional law: see the module.
@@ -166,45 +124,15 @@ impl ContactModel for CohesiveFrictional {
         "linear, cohesive-frictional".into()
     }
 
-    fn damping_paths(&self) -> Option<[&'static str; 2]> {
-        Some([
-            "contact.cohesive_frictional.normal_damping_ratio",
-            "contact.cohesive_frictional.shear_damping_ratio",
-        ])
-    }
-
-    fn materials(&self) -> u32 {
-        self.parameters.materials()
-    }
-
-    fn friction(&self, [a, b]: [u32; 2]) -> f64 {
-        self.parameters.get(a, b).friction
-    }
-
-    fn normal_stiffness(&self, [a, b]: [u32; 2], diameter: f64) -> f64 {
-        let pair = self.parameters.get(a, b);
-        pair.normal_stiffness.for_diameter(diameter)
-    }
+    model_of_linear_springs!("cohesive_frictional", linear);
 
     fn prepare(&mut self, normal_stiffness: Option<f64>, friction: Option<f64>) {
         for pair in self.parameters.rows_mut() {
-            if let Some(stiffness) = normal_stiffness {
-                pair.normal_stiffness = Scaled::Absolute(stiffness);
+            pair.linear.prepare(normal_stiffness, friction);
+            if normal_stiffness.is_some() {
                 pair.cohesion = Scaled::ZERO;
             }
-            pair.friction = friction.unwrap_or(pair.friction);
         }
-    }
-
-    fn springs(&self, contact: &StaticContact) -> Springs {
-        let [a, b] = contact.materials;
-        self.parameters.get(a, b).linear().springs(contact)
-    }
-
-    fn time_limits(&self, material: u32, radii: [f64; 2], mass: f64) -> TimeLimits {
-        let pairs = self.parameters.rows_of(material);
-        let stiffest = pairs.map(|p| p.linear().stiffest(radii));
-        TimeLimits::of_spring(mass, stiffest.fold(0.0, f64::max))
     }
 
     fn bonds(&self) -> bool {
@@ -224,14 +152,14 @@ pub struct CohesiveFrictionalRow {
     cohesion: [f64; 2],
 }
 
-/// Values per pair: those of the linear law, and the cohesion of a new bond [N].
+/// Values per pair: those of the linear law, and the cohesion of a new bond \[N\].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CohesiveFrictionalConstants {
     linear: LinearConstants,
     cohesion: f64,
 }
 
-/// Force of the shear spring [N] on the second partner, and cohesion [N], 0 without a bond.
+/// Force of the shear spring \[N\] on the second partner, and cohesion \[N\], 0 without a bond.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CohesiveFrictionalHistory<S: Space> {
     shear: S::Tangent,
@@ -250,8 +178,8 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
             let linear = LinearParameters {
                 // Computed through the angle in degrees, which affects the last bit: checkpoints of older runs
                 // continue with the same bits.
-                friction: coefficient(p.friction.atan().to_degrees()),
-                ..p.linear()
+                friction: coefficient(p.linear.friction.atan().to_degrees()),
+                ..p.linear
             };
             CohesiveFrictionalRow {
                 linear: linear.row(),
@@ -342,14 +270,10 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
         c.cohesion > 0.0
     }
 
-    fn unbond(history: &mut CohesiveFrictionalHistory<S>) {
-        history.cohesion = 0.0;
-    }
-
     fn widest_opening(&self, diameters: [f64; 2]) -> f64 {
         // C/k_n is a monotonic function of the diameter, or independent of it.
         let opening = |p: &CohesiveFrictionalParameters, d: f64| {
-            p.cohesion.for_diameter(d) / p.normal_stiffness.for_diameter(d)
+            p.cohesion.for_diameter(d) / p.linear.normal_stiffness.for_diameter(d)
         };
         self.parameters
             .rows()

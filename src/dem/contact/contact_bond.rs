@@ -21,23 +21,18 @@
 //! Source: D. O. Potyondy, P. A. Cundall, Int. J. Rock Mech. Min. Sci. 41 (2004) 1329,
 //! doi:10.1016/j.ijrmms.2004.09.011.
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets: [m]"
-)]
-
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::super::engine::bodies::Bodies;
 use super::super::space::{Components, Space};
-use super::input::{coefficient, default_ratio, pair_table, states_friction};
+use super::linear::model_of_linear_springs;
+use super::input::{coefficient, default_ratio, pair_table, parameters_of_grains};
 use super::rolling::{self, Rolling};
 use super::softened::{self, BondStrength, Softened};
 use super::{
     BondOpening, ContactForce, ContactKinematics, ContactLaw, ContactModel, ContactParameters,
-    Failure, Pair, PairProperties, PairTable, Scaled, SceneFacts, Springs, StaticContact,
-    TimeLimits, linear, load_tangent, save_tangent,
+    Failure, Pair, PairProperties, PairTable, Scaled, SceneFacts, linear, load_tangent, save_tangent,
 };
 use base::error::Report;
 
@@ -49,21 +44,21 @@ use base::error::Report;
 pub struct ContactBondInput {
     /// Normal stiffness k_n [N/m]; per diameter [N/m2].
     pub normal_stiffness: Scaled,
-    /// Shear to normal stiffness k_s/k_n [1].
+    /// Shear to normal stiffness k_s/k_n \[1\].
     #[serde(default = "default_ratio")]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub shear_to_normal_stiffness: f64,
-    /// Friction angle Φ of contacts without a bond [degrees]. Default: 0, no friction; a warning says so.
+    /// Friction angle Φ of contacts without a bond \[degrees\]. Default: 0, no friction; a warning says so.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 89.0))]
     pub friction_angle_degrees: Option<f64>,
-    /// Tensile strength of a bond [N]; in 2-D per metre of depth.
+    /// Tensile strength of a bond \[N\]; in 2-D per metre of depth.
     #[schemars(range(min = 0.0))]
     pub tensile_strength: f64,
-    /// Shear strength of a bond [N]; in 2-D per metre of depth.
+    /// Shear strength of a bond \[N\]; in 2-D per metre of depth.
     #[schemars(range(min = 0.0))]
     pub shear_strength: f64,
-    /// Largest gap between two surfaces that `bond_at_start` bonds [m]; with 0 only bodies in contact are bonded.
+    /// Largest gap between two surfaces that `bond_at_start` bonds \[m\]; with 0 only bodies in contact are bonded.
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub bonding_gap: f64,
@@ -87,7 +82,7 @@ pub struct ContactBondInput {
     /// Loss of strength of the bonds on wetting. Default: none.
     #[serde(default)]
     pub softening: Option<softened::SofteningParameters>,
-    /// Local (non-viscous) damping [1]: a force of this fraction of the force on a grain acts against its motion; 0
+    /// Local (non-viscous) damping \[1\]: a force of this fraction of the force on a grain acts against its motion; 0
     /// turns it off.
     #[serde(default)]
     #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
@@ -104,11 +99,7 @@ where
         + From<Softened<ContactBond>>
         + From<Rolling<Softened<ContactBond>>>,
 {
-    fn states_friction(&self) -> bool {
-        states_friction(self.friction_angle_degrees, &self.pairs, |p| {
-            p.friction_angle_degrees
-        })
-    }
+    parameters_of_grains!();
 
     fn resolve(&self, scene: &SceneFacts<'_>, report: &mut dyn Report) -> Option<F> {
         let path = "contact.contact_bond";
@@ -156,10 +147,6 @@ where
             (None, None) => law.into(),
         })
     }
-
-    fn local_damping(&self) -> f64 {
-        self.local_damping
-    }
 }
 
 /// Parameters of one pair of materials.
@@ -167,11 +154,11 @@ where
 pub struct ContactBondParameters {
     /// Springs, dashpots and friction.
     pub linear: linear::LinearParameters,
-    /// Tensile strength T of a bond [N]; in the plane [N per m of depth].
+    /// Tensile strength T of a bond \[N\]; in the plane [N per m of depth].
     pub tensile_strength: f64,
-    /// Shear strength S of a bond [N]; in the plane [N per m of depth].
+    /// Shear strength S of a bond \[N\]; in the plane [N per m of depth].
     pub shear_strength: f64,
-    /// Largest gap [m] between surfaces that are bonded.
+    /// Largest gap \[m\] between surfaces that are bonded.
     pub bonding_gap: f64,
     /// `true` if a bond created across a gap starts without a force.
     pub unstressed: bool,
@@ -189,25 +176,7 @@ impl ContactModel for ContactBond {
         "linear with contact bonds".into()
     }
 
-    fn damping_paths(&self) -> Option<[&'static str; 2]> {
-        Some([
-            "contact.contact_bond.normal_damping_ratio",
-            "contact.contact_bond.shear_damping_ratio",
-        ])
-    }
-
-    fn materials(&self) -> u32 {
-        self.parameters.materials()
-    }
-
-    fn friction(&self, [a, b]: [u32; 2]) -> f64 {
-        self.parameters.get(a, b).linear.friction
-    }
-
-    fn normal_stiffness(&self, [a, b]: [u32; 2], diameter: f64) -> f64 {
-        let pair = self.parameters.get(a, b);
-        pair.linear.normal_stiffness.for_diameter(diameter)
-    }
+    model_of_linear_springs!("contact_bond", linear);
 
     fn prepare(&mut self, normal_stiffness: Option<f64>, friction: Option<f64>) {
         for pair in self.parameters.rows_mut() {
@@ -216,17 +185,6 @@ impl ContactModel for ContactBond {
                 (pair.tensile_strength, pair.shear_strength) = (0.0, 0.0);
             }
         }
-    }
-
-    fn springs(&self, contact: &StaticContact) -> Springs {
-        let [a, b] = contact.materials;
-        self.parameters.get(a, b).linear.springs(contact)
-    }
-
-    fn time_limits(&self, material: u32, radii: [f64; 2], mass: f64) -> TimeLimits {
-        let pairs = self.parameters.rows_of(material);
-        let stiffest = pairs.map(|p| p.linear.stiffest(radii));
-        TimeLimits::of_spring(mass, stiffest.fold(0.0, f64::max))
     }
 
     fn bonds(&self) -> bool {
@@ -248,7 +206,7 @@ impl ContactModel for ContactBond {
     }
 }
 
-/// Values per pair of materials: those of the linear law, strengths [N], bonding gap [m].
+/// Values per pair of materials: those of the linear law, strengths \[N\], bonding gap \[m\].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactBondRow {
     linear: linear::LinearRow,
@@ -258,7 +216,7 @@ pub struct ContactBondRow {
     unstressed: bool,
 }
 
-/// Values per pair: those of the linear law, strengths [N], bonding gap [m].
+/// Values per pair: those of the linear law, strengths \[N\], bonding gap \[m\].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactBondConstants {
     linear: linear::LinearConstants,
@@ -279,7 +237,7 @@ impl<S: Space> BondStrength<S> for ContactBond {
     }
 }
 
-/// Force of the shear spring [N] on the second partner, and for a bond the overlap [m] at which it has no normal
+/// Force of the shear spring \[N\] on the second partner, and for a bond the overlap \[m\] at which it has no normal
 /// force.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ContactBondHistory<S: Space> {
@@ -375,11 +333,6 @@ impl<S: Space> ContactLaw<S> for ContactBond {
         history.bonded = c.tensile > 0.0 || c.shear > 0.0;
         history.zero_force_overlap = if c.unstressed { overlap.min(0.0) } else { 0.0 };
         history.bonded
-    }
-
-    fn unbond(history: &mut ContactBondHistory<S>) {
-        history.bonded = false;
-        history.zero_force_overlap = 0.0;
     }
 
     fn normal_spring(

@@ -28,11 +28,6 @@
 //! doi:10.1209/0295-5075/94/50004; C. Thornton, S. J. Cummins, P. W. Cleary, Powder Technology 233 (2013) 30,
 //! doi:10.1016/j.powtec.2012.08.012.
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets: [m]"
-)]
-
 use std::f64::consts::PI;
 
 use schemars::JsonSchema;
@@ -41,7 +36,7 @@ use serde::{Deserialize, Serialize};
 use super::super::engine::bodies::Bodies;
 use super::super::space::{Components, Space};
 use super::bridges::{self, Bridged};
-use super::input::{coefficient, pair_table, states_friction};
+use super::input::{coefficient, pair_table, parameters_of_grains};
 use super::{
     ContactForce, ContactKinematics, ContactLaw, ContactModel, ContactParameters, Depth,
     PairProperties, PairTable, Preparation, SceneFacts, Springs, StaticContact, TimeLimits, cut_to,
@@ -57,11 +52,11 @@ use base::error::{Remedy, Report};
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "HertzMindlin")]
 pub struct HertzMindlinInput {
-    /// Friction angle Φ [degrees]. Default: 0, no friction; a warning says so.
+    /// Friction angle Φ \[degrees\]. Default: 0, no friction; a warning says so.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 89.0))]
     pub friction_angle_degrees: Option<f64>,
-    /// Coefficient of restitution [1]: speed after a head-on collision over the speed before; 1 is elastic.
+    /// Coefficient of restitution \[1\]: speed after a head-on collision over the speed before; 1 is elastic.
     #[serde(default = "elastic")]
     #[schemars(range(min = 0.05, max = 1.0))]
     pub restitution: f64,
@@ -76,7 +71,7 @@ pub struct HertzMindlinInput {
     /// Capillary bridges of water. Default: none.
     #[serde(default)]
     pub bridges: Option<bridges::BridgesInput>,
-    /// Local (non-viscous) damping [1]: a force of this fraction of the force on a grain acts against its motion; 0
+    /// Local (non-viscous) damping \[1\]: a force of this fraction of the force on a grain acts against its motion; 0
     /// turns it off.
     #[serde(default)]
     #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
@@ -97,11 +92,11 @@ fn elastic() -> f64 {
 pub struct ElasticPair {
     /// Names of the two materials, in either order.
     pub materials: [String; 2],
-    /// Friction angle [degrees].
+    /// Friction angle \[degrees\].
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 89.0))]
     pub friction_angle_degrees: Option<f64>,
-    /// Coefficient of restitution [1]: speed after a head-on collision over the speed before.
+    /// Coefficient of restitution \[1\]: speed after a head-on collision over the speed before.
     #[serde(default)]
     #[schemars(range(min = 0.05, max = 1.0))]
     pub restitution: Option<f64>,
@@ -161,11 +156,7 @@ impl HertzMindlinInput {
 impl<F: From<HertzMindlin> + From<Bridged<HertzMindlin>>> ContactParameters<F>
     for HertzMindlinInput
 {
-    fn states_friction(&self) -> bool {
-        states_friction(self.friction_angle_degrees, &self.pairs, |p| {
-            p.friction_angle_degrees
-        })
-    }
+    parameters_of_grains!();
 
     fn resolve(&self, scene: &SceneFacts<'_>, report: &mut dyn Report) -> Option<F> {
         if scene.dimension == 2 {
@@ -225,23 +216,19 @@ impl<F: From<HertzMindlin> + From<Bridged<HertzMindlin>>> ContactParameters<F>
             None => Some(law.into()),
         }
     }
-
-    fn local_damping(&self) -> f64 {
-        self.local_damping
-    }
 }
 
 /// Isotropic elastic material.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Elastic {
-    /// Young's modulus E [Pa].
+    /// Young's modulus E \[Pa\].
     pub young_modulus: f64,
     /// Poisson's ratio nu.
     pub poisson_ratio: f64,
 }
 
 impl Elastic {
-    /// Returns the effective moduli E* and G* [Pa] of a contact of two materials.
+    /// Returns the effective moduli E* and G* \[Pa\] of a contact of two materials.
     #[must_use]
     pub fn effective(self, other: Self) -> [f64; 2] {
         let part = |m: Self| {
@@ -252,7 +239,7 @@ impl Elastic {
         [1.0 / (a[0] + b[0]), 1.0 / (a[1] + b[1])]
     }
 
-    /// Returns the time [s] in which a Rayleigh surface wave travels around half a sphere of this radius [m] and
+    /// Returns the time \[s\] in which a Rayleigh surface wave travels around half a sphere of this radius \[m\] and
     /// density [kg/m³]: `pi R sqrt(rho/G)/(0.1631 nu + 0.8766)`.
     #[must_use]
     pub fn rayleigh_time(self, radius: f64, density: f64) -> f64 {
@@ -316,7 +303,7 @@ pub fn damping(e: f64, attraction: bool) -> f64 {
 /// Parameters of one pair of materials.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct HertzMindlinParameters {
-    /// Effective moduli E* and G* [Pa]: [`Elastic::effective`].
+    /// Effective moduli E* and G* \[Pa\]: [`Elastic::effective`].
     pub moduli: [f64; 2],
     /// Coefficient of friction, the tangent of the friction angle.
     pub friction: f64,
@@ -418,9 +405,9 @@ impl ContactModel for HertzMindlin {
 /// Values per pair of materials: factors of the roots of radius and mass.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HertzMindlinRow {
-    /// 4/3 E* [Pa].
+    /// 4/3 E* \[Pa\].
     normal: f64,
-    /// 8 G* [Pa].
+    /// 8 G* \[Pa\].
     shear: f64,
     /// sqrt(5) zeta sqrt(4/3 E*), and 2 sqrt(5/6) zeta sqrt(8 G*).
     dashpots: [f64; 2],
@@ -449,7 +436,7 @@ pub struct HertzMindlinConstants {
     impact_speed: f64,
 }
 
-/// Force of the shear spring [N] on the second partner, and the square root of the overlap [m^1/2] at which it was
+/// Force of the shear spring \[N\] on the second partner, and the square root of the overlap [m^1/2] at which it was
 /// loaded.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct HertzMindlinHistory<S: Space> {
@@ -581,7 +568,7 @@ impl<S: Space> Bodies<S> for HertzMindlin {
     type Scratch = ();
 }
 
-/// Returns the largest overlap [m] of an elastic head-on impact at `speed` [m/s], for mass m* [kg] and force over
+/// Returns the largest overlap \[m\] of an elastic head-on impact at `speed` [m/s], for mass m* \[kg\] and force over
 /// overlap^(3/2) [N m^-3/2].
 #[must_use]
 pub fn deepest(mass: f64, normal: f64, speed: f64) -> f64 {

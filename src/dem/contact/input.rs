@@ -1,11 +1,6 @@
 //! Input shared by all contact laws: quantities that scale with the diameter, overrides for pairs of materials, and
 //! the facts of a scene with which a law is resolved.
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets: [m]"
-)]
-
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -69,7 +64,7 @@ pub struct SceneFacts<'a> {
 pub struct MaterialFacts {
     /// Name in the case.
     pub name: String,
-    /// Young's modulus [Pa].
+    /// Young's modulus \[Pa\].
     pub young_modulus: Option<f64>,
     /// Poisson's ratio.
     pub poisson_ratio: Option<f64>,
@@ -159,7 +154,7 @@ impl Scaled {
     /// Zero for every pair.
     pub const ZERO: Self = Self::Absolute(0.0);
 
-    /// Returns the value for a pair of mean diameter `diameter` [m].
+    /// Returns the value for a pair of mean diameter `diameter` \[m\].
     #[must_use]
     pub fn for_diameter(self, diameter: f64) -> f64 {
         match self {
@@ -213,22 +208,22 @@ pub struct Pair {
     /// Normal stiffness [N/m]; per diameter [N/m2].
     #[serde(default)]
     pub normal_stiffness: Option<Scaled>,
-    /// Shear to normal stiffness k_s/k_n [1].
+    /// Shear to normal stiffness k_s/k_n \[1\].
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub shear_to_normal_stiffness: Option<f64>,
-    /// Friction angle [degrees].
+    /// Friction angle \[degrees\].
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 89.0))]
     pub friction_angle_degrees: Option<f64>,
-    /// Cohesion [N]; per diameter [N/m]; only in the cohesive law.
+    /// Cohesion \[N\]; per diameter [N/m]; only in the cohesive law.
     #[serde(default)]
     pub cohesion: Option<Scaled>,
-    /// Tensile strength of a bond [N]; only in the contact-bond law.
+    /// Tensile strength of a bond \[N\]; only in the contact-bond law.
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub tensile_strength: Option<f64>,
-    /// Shear strength of a bond [N]; only in the contact-bond law.
+    /// Shear strength of a bond \[N\]; only in the contact-bond law.
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub shear_strength: Option<f64>,
@@ -280,7 +275,25 @@ impl Pair {
     }
 }
 
-/// Returns the coefficient of friction of a friction angle [degrees].
+/// Writes the functions of [`ContactParameters`] that read fields with the same names in every law of grains.
+macro_rules! parameters_of_grains {
+    () => {
+        fn states_friction(&self) -> bool {
+            $crate::contact::input::states_friction(
+                self.friction_angle_degrees,
+                &self.pairs,
+                |pair| pair.friction_angle_degrees,
+            )
+        }
+
+        fn local_damping(&self) -> f64 {
+            self.local_damping
+        }
+    };
+}
+pub(super) use parameters_of_grains;
+
+/// Returns the coefficient of friction of a friction angle \[degrees\].
 pub(super) fn coefficient(friction_angle_degrees: f64) -> f64 {
     friction_angle_degrees.to_radians().tan()
 }

@@ -13,11 +13,6 @@
 //!
 //! Source: P. A. Cundall, O. D. L. Strack, Géotechnique 29 (1979) 47, doi:10.1680/geot.1979.29.1.47.
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets: [m]"
-)]
-
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -25,11 +20,11 @@ use serde_json::{Value, json};
 use super::super::engine::bodies::Bodies;
 use super::super::space::{Components, Space};
 use super::bridges::{self, Bridged};
-use super::input::{coefficient, default_ratio, pair_table, states_friction};
+use super::input::{coefficient, default_ratio, pair_table, parameters_of_grains};
 use super::rolling::{self, Rolling};
 use super::{
     ContactForce, ContactKinematics, ContactLaw, ContactModel, ContactParameters, Pair,
-    PairProperties, PairTable, Scaled, SceneFacts, Springs, StaticContact, TimeLimits, cut_to,
+    PairProperties, PairTable, Scaled, SceneFacts, Springs, StaticContact, cut_to,
     load_tangent, save_tangent,
 };
 use crate::dashpot::{Pulling, over_step, part_of_step};
@@ -44,11 +39,11 @@ pub struct LinearInput {
     /// weight of what lies above; in seepage with `accuracy`, from the load on the bed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub normal_stiffness: Option<Scaled>,
-    /// Shear to normal stiffness k_s/k_n [1].
+    /// Shear to normal stiffness k_s/k_n \[1\].
     #[serde(default = "default_ratio")]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub shear_to_normal_stiffness: f64,
-    /// Friction angle Φ [degrees]. Default: 0, no friction; a warning says so.
+    /// Friction angle Φ \[degrees\]. Default: 0, no friction; a warning says so.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 89.0))]
     pub friction_angle_degrees: Option<f64>,
@@ -74,7 +69,7 @@ pub struct LinearInput {
     /// Capillary bridges of water. Default: none.
     #[serde(default)]
     pub bridges: Option<bridges::BridgesInput>,
-    /// Local (non-viscous) damping [1]: a force of this fraction of the force on a grain acts against its motion; 0
+    /// Local (non-viscous) damping \[1\]: a force of this fraction of the force on a grain acts against its motion; 0
     /// turns it off.
     #[serde(default)]
     #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
@@ -91,11 +86,7 @@ where
         + From<Bridged<Linear>>
         + From<Bridged<Rolling<Linear>>>,
 {
-    fn states_friction(&self) -> bool {
-        states_friction(self.friction_angle_degrees, &self.pairs, |p| {
-            p.friction_angle_degrees
-        })
-    }
+    parameters_of_grains!();
 
     fn resolve(&self, scene: &SceneFacts<'_>, report: &mut dyn Report) -> Option<F> {
         let path = "contact.linear";
@@ -133,10 +124,6 @@ where
             }
             (None, Some(bridges)) => bridges.on(law, path, scene, report).map(F::from),
         }
-    }
-
-    fn local_damping(&self) -> f64 {
-        self.local_damping
     }
 }
 
@@ -209,7 +196,7 @@ impl LinearParameters {
     }
 
     /// Returns the larger of both stiffnesses [N/m] of a body with any other, for its radius and the largest radius of
-    /// the others [m].
+    /// the others \[m\].
     pub(super) fn stiffest(&self, [radius, largest]: [f64; 2]) -> f64 {
         let diameter = radius + largest.max(radius);
         self.normal_stiffness.for_diameter(diameter) * self.stiffness_ratio.max(1.0)
@@ -224,6 +211,49 @@ impl LinearParameters {
     }
 }
 
+/// Writes the functions of [`ContactModel`] that follow from springs, dashpots and friction of the linear law, for a
+/// law of this name whose pairs are [`LinearParameters`] or have them in a field.
+macro_rules! model_of_linear_springs {
+    ($law:literal $(, $linear:ident)?) => {
+        fn damping_paths(&self) -> Option<[&'static str; 2]> {
+            Some([
+                concat!("contact.", $law, ".normal_damping_ratio"),
+                concat!("contact.", $law, ".shear_damping_ratio"),
+            ])
+        }
+
+        fn materials(&self) -> u32 {
+            self.parameters.materials()
+        }
+
+        fn friction(&self, [a, b]: [u32; 2]) -> f64 {
+            self.parameters.get(a, b)$(.$linear)?.friction
+        }
+
+        fn normal_stiffness(&self, [a, b]: [u32; 2], diameter: f64) -> f64 {
+            let pair = self.parameters.get(a, b)$(.$linear)?;
+            pair.normal_stiffness.for_diameter(diameter)
+        }
+
+        fn springs(&self, contact: &$crate::contact::StaticContact) -> $crate::contact::Springs {
+            let [a, b] = contact.materials;
+            self.parameters.get(a, b)$(.$linear)?.springs(contact)
+        }
+
+        fn time_limits(
+            &self,
+            material: u32,
+            radii: [f64; 2],
+            mass: f64,
+        ) -> $crate::contact::TimeLimits {
+            let pairs = self.parameters.rows_of(material);
+            let stiffest = pairs.map(|pair| pair$(.$linear)?.stiffest(radii));
+            $crate::contact::TimeLimits::of_spring(mass, stiffest.fold(0.0, f64::max))
+        }
+    };
+}
+pub(super) use model_of_linear_springs;
+
 /// Linear law: see the module.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Linear {
@@ -236,41 +266,12 @@ impl ContactModel for Linear {
         "linear with friction".into()
     }
 
-    fn damping_paths(&self) -> Option<[&'static str; 2]> {
-        Some([
-            "contact.linear.normal_damping_ratio",
-            "contact.linear.shear_damping_ratio",
-        ])
-    }
-
-    fn materials(&self) -> u32 {
-        self.parameters.materials()
-    }
-
-    fn friction(&self, [a, b]: [u32; 2]) -> f64 {
-        self.parameters.get(a, b).friction
-    }
-
-    fn normal_stiffness(&self, [a, b]: [u32; 2], diameter: f64) -> f64 {
-        let pair = self.parameters.get(a, b);
-        pair.normal_stiffness.for_diameter(diameter)
-    }
+    model_of_linear_springs!("linear");
 
     fn prepare(&mut self, normal_stiffness: Option<f64>, friction: Option<f64>) {
         for pair in self.parameters.rows_mut() {
             pair.prepare(normal_stiffness, friction);
         }
-    }
-
-    fn springs(&self, contact: &StaticContact) -> Springs {
-        let [a, b] = contact.materials;
-        self.parameters.get(a, b).springs(contact)
-    }
-
-    fn time_limits(&self, material: u32, radii: [f64; 2], mass: f64) -> TimeLimits {
-        let pairs = self.parameters.rows_of(material);
-        let stiffest = pairs.map(|p| p.stiffest(radii)).fold(0.0, f64::max);
-        TimeLimits::of_spring(mass, stiffest)
     }
 }
 
@@ -356,7 +357,7 @@ impl LinearConstants {
             * part_of_step(kinematics.overlap, rate, step)
     }
 
-    /// Returns the normal force [N] if the dashpot may pull.
+    /// Returns the normal force \[N\] if the dashpot may pull.
     fn pulling<S: Space>(&self, kinematics: &ContactKinematics<S>) -> f64 {
         let contact = Pulling {
             spring: self.normal,
@@ -367,7 +368,7 @@ impl LinearConstants {
         contact.force(overlap, rate, kinematics.time_step)
     }
 
-    /// Returns the force of the shear spring of the last step [N], turned with the contact, after this step.
+    /// Returns the force of the shear spring of the last step \[N\], turned with the contact, after this step.
     #[inline(always)]
     pub(super) fn carried<S: Space>(
         &self,
@@ -377,7 +378,7 @@ impl LinearConstants {
         S::turn(shear, &kinematics.normal) - kinematics.slip * (self.shear * kinematics.time_step)
     }
 
-    /// Returns the force of an unbonded contact; `shear` is the force of the shear spring [N].
+    /// Returns the force of an unbonded contact; `shear` is the force of the shear spring \[N\].
     #[inline(always)]
     pub(super) fn slide<S: Space>(
         &self,
@@ -454,7 +455,7 @@ impl<S: Space> ContactLaw<S> for Linear {
     }
 }
 
-/// Force of the shear spring [N] on the second partner.
+/// Force of the shear spring \[N\] on the second partner.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LinearHistory<S: Space> {
     shear: S::Tangent,

@@ -14,11 +14,6 @@
 //! Source: J. Ai, J.-F. Chen, J. M. Rotter, J. Y. Ooi, Powder Technology 206 (2011) 269,
 //! doi:10.1016/j.powtec.2010.09.030.
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets: [m]"
-)]
-
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -34,8 +29,8 @@ use super::{ContactForce, ContactKinematics, ContactLaw, ContactModel, PairPrope
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "Rolling")]
 pub struct RollingParameters {
-    /// Coefficient of rolling friction [1]: the moment is at most this times the rolling radius times the normal force.
-    /// It is the tangent of the slope on which a grain begins to roll.
+    /// Coefficient of rolling friction \[1\]: the moment is at most this times the rolling radius times the normal
+    /// force. It is the tangent of the slope on which a grain begins to roll.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub friction: f64,
     /// Dashpot in parallel with the rolling spring, as a fraction of critical damping.
@@ -79,7 +74,7 @@ impl<L: ContactModel> ContactModel for Rolling<L> {
     limits_of_law_below!();
 }
 
-/// Values per pair: those of the underlying law, lever arm of the limit [m], and rolling dashpot [N m s].
+/// Values per pair: those of the underlying law, lever arm of the limit \[m\], and rolling dashpot [N m s].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RollingScale<C> {
     law: C,
@@ -88,7 +83,7 @@ pub struct RollingScale<C> {
 }
 
 /// Values per pair: those of the underlying law, rolling stiffness [N m], dashpot [N m s], and lever arm of the
-/// limit [m].
+/// limit \[m\].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RollingConstants<C> {
     law: C,

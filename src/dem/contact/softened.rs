@@ -13,11 +13,6 @@
 //!
 //! Source: A. B. Hawkins, B. J. McConnell, Q. J. Eng. Geol. 25 (1992) 115, doi:10.1144/GSL.QJEG.1992.025.02.05.
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets: [m]"
-)]
-
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -34,10 +29,10 @@ use super::{ContactForce, ContactKinematics, ContactLaw, ContactModel, PairPrope
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "Softening")]
 pub struct SofteningParameters {
-    /// Fraction c of the dry strength that remains at any moisture [1].
+    /// Fraction c of the dry strength that remains at any moisture \[1\].
     #[schemars(range(min = 0.0, max = 1.0))]
     pub residual: f64,
-    /// Rate b of the loss with the degree of saturation [1].
+    /// Rate b of the loss with the degree of saturation \[1\].
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1000))]
     pub rate: f64,
 }

@@ -112,10 +112,6 @@ macro_rules! bonds_of_law_below {
             $L::bridge(&(*history)$(.$field)?)
         }
 
-        fn unbond(history: &mut Self::History) {
-            $L::unbond(&mut (*history)$(.$field)?);
-        }
-
         fn normal_spring(c: &Self::Constants, history: &Self::History, overlap: f64) -> f64 {
             $L::normal_spring(&c.law, &(*history)$(.$field)?, overlap)
         }

@@ -29,8 +29,6 @@ pub(crate) trait AnyEngine<S: Space>: std::fmt::Debug + Send + Sync {
     fn prepare(&mut self, particles: &mut Particles<S>, domain: &Domain) -> Result<(), Error>;
     /// Bonds every present contact; returns the number reported by this rank.
     fn bond_all(&mut self, particles: &Particles<S>) -> u64;
-    /// Removes every bond.
-    fn unbond(&mut self);
     /// Returns the bonds that failed since the last call.
     fn take_breaks(&mut self) -> Vec<BondBreak<S>>;
     /// Calls `visit` with every contact reported by this rank.
@@ -110,10 +108,6 @@ impl<S: Space, L: Bodies<S>> AnyEngine<S> for Engine<S, L> {
 
     fn bond_all(&mut self, particles: &Particles<S>) -> u64 {
         L::bond_all(self, particles)
-    }
-
-    fn unbond(&mut self) {
-        self.unbond();
     }
 
     fn take_breaks(&mut self) -> Vec<BondBreak<S>> {

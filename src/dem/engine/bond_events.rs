@@ -80,23 +80,4 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         self.activate(particles);
         bonds
     }
-
-    /// Removes every bond; the contacts remain.
-    pub(crate) fn unbond(&mut self) {
-        for pair in &mut self.lists.pairs {
-            L::unbond(&mut pair.history);
-        }
-        self.lists.parts.for_each_copy(L::unbond);
-        for pair in &mut self.solids.wall_pairs {
-            L::unbond(&mut pair.history);
-        }
-        for held in self
-            .solids
-            .facets
-            .iter_mut()
-            .flat_map(|part| &mut part.held)
-        {
-            L::unbond(&mut held.history);
-        }
-    }
 }

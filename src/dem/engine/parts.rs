@@ -145,13 +145,6 @@ impl<S: Space, C: Copy + Send + Sync, M: Copy + Send + Sync> Parts<S, C, M> {
             own[0].places.extend(0..ghosts::index(coming[0].len()));
         });
     }
-
-    /// Changes the history of every copy of a pair.
-    pub(super) fn for_each_copy(&mut self, change: impl Fn(&mut M)) {
-        for pair in self.coming.iter_mut().flatten() {
-            change(&mut pair.history);
-        }
-    }
 }
 
 /// Input data of the pairs in a step.

@@ -58,11 +58,6 @@
 //! All computations use the frame of the first block, so that positions far from the origin lose no digits. Nothing
 //! is allocated once the buffers of [`Narrow`] have grown.
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets: [m]"
-)]
-
 mod facet;
 mod history;
 mod overlap;
@@ -103,7 +98,7 @@ pub enum BlockContactModel {
     Patch,
     /// Analytic centre of the overlap and normal of the potential particles (Boon et al. 2012).
     Point {
-        /// Radius to which corners are rounded [m]: larger than an overlap, much smaller than a block.
+        /// Radius to which corners are rounded \[m\]: larger than an overlap, much smaller than a block.
         #[schemars(extend("exclusiveMinimum" = 0))]
         rounding: f64,
     },
@@ -112,11 +107,11 @@ pub enum BlockContactModel {
 /// Geometry of a contact, in the axes of space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Geometry {
-    /// Vector from the first centre to the contact point [m].
+    /// Vector from the first centre to the contact point \[m\].
     pub arm: Vector3<f64>,
     /// Unit normal from the first to the second body.
     pub normal: Vector3<f64>,
-    /// Overlap [m] along the normal, positive.
+    /// Overlap \[m\] along the normal, positive.
     pub depth: f64,
     /// Area of contact [m²].
     pub area: f64,
@@ -184,7 +179,7 @@ enum Other<'a> {
 }
 
 impl Narrow {
-    /// Finds the contact of two blocks, lower id first. `separation` [m] is the vector from the first centre to the
+    /// Finds the contact of two blocks, lower id first. `separation` \[m\] is the vector from the first centre to the
     /// second.
     pub fn blocks(
         &mut self,
@@ -246,7 +241,7 @@ impl Narrow {
     }
 
     /// Finds the contact of a block (first) with the half-space behind a plane (second): `normal` points out of the
-    /// half-space, and the centre of the block is `height` [m] above the plane.
+    /// half-space, and the centre of the block is `height` \[m\] above the plane.
     pub fn plane(
         &mut self,
         block: &Placed,
@@ -440,8 +435,8 @@ impl Narrow {
     }
 }
 
-/// Returns the depth [m] of two blocks in each other: the length of the shortest translation that separates them, 0 if
-/// they do not overlap. The depth of a contact is a mean over its area; deep overlaps have none.
+/// Returns the depth \[m\] of two blocks in each other: the length of the shortest translation that separates them, 0
+/// if they do not overlap. The depth of a contact is a mean over its area; deep overlaps have none.
 #[must_use]
 pub fn penetration(first: &Placed, second: &Placed, separation: &Vector3<f64>) -> f64 {
     let turn = first.rotation.tr_mul(&second.rotation);
@@ -491,7 +486,7 @@ fn gradient(planes: &[HalfSpace], point: &Vector3<f64>, rounding: f64) -> Vector
     sum.try_normalize(0.0).unwrap_or(nearest.1)
 }
 
-/// Returns the distance [m] from an interior point to the surface along a unit direction.
+/// Returns the distance \[m\] from an interior point to the surface along a unit direction.
 fn exit(planes: &[HalfSpace], point: &Vector3<f64>, direction: &Vector3<f64>) -> f64 {
     planes
         .iter()

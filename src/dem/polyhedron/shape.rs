@@ -388,13 +388,6 @@ impl Polyhedron {
         areas.sum()
     }
 
-    /// Returns the area \[m²\] of the largest face.
-    #[must_use]
-    pub fn largest_face(&self) -> f64 {
-        let areas = (0..self.half_spaces.len()).map(|face| self.face_area(face));
-        areas.fold(0.0, f64::max)
-    }
-
     /// Returns the vertex farthest along a direction of the body frame, and its distance \[m, times the length of
     /// the direction\].
     #[must_use]

@@ -586,14 +586,9 @@ fn an_oblique_impact_restitutes_as_chung_and_ooi_measured() {
     }
 }
 
-/// Returns a pair in the paper's law, the second moved by `velocity` (m per step), against YADE: largest error of both
-/// forces (N), and the step at which the bond failed.
-fn compare_cohesive(
-    table: &str,
-    overlap: f64,
-    velocity: Vector2<f64>,
-) -> (f64, f64, Option<BondBreak<PlaneSpace>>) {
-    let d = 2e-4;
+/// Returns a bonded pair of grains of diameter `d` in the paper's law, the first fixed, the second with this motion and
+/// too heavy for the contact to change it.
+fn cohesive_pair(d: f64, motion: Motion<PlaneSpace>) -> (Dem<PlaneSpace>, Particles<PlaneSpace>) {
     let mut dem = cohesive(
         PAPER,
         DemSettings::new(about_origin::<PlaneSpace>(0.01), 1.0, 1e-5),
@@ -604,28 +599,36 @@ fn compare_cohesive(
         kind: Kind::Fixed,
         ..Body::uniform::<PlaneSpace>(1, d / 2.0, 2600.0, 0)
     };
-    // Too heavy for the contact to change its motion.
     let moved = Body {
         mass: 1e30,
         inertia: 1e30,
         ..Body::uniform::<PlaneSpace>(2, d / 2.0, 2600.0, 0)
     };
-    // Bonded at a touch of 1e-18 m where the test starts without overlap.
-    let x = d - overlap.max(1e-18);
     particles.insert(fixed, Motion::default());
-    particles.insert(
-        moved,
-        Motion {
-            position: Vector2::new(x, 0.0),
-            velocity,
-            spin: 0.0,
-        },
-    );
+    particles.insert(moved, motion);
     assert_eq!(
         dem.bond_existing_contacts(&mut particles, &alone())
             .unwrap(),
         1
     );
+    (dem, particles)
+}
+
+/// Returns a pair in the paper's law, the second moved by `velocity` (m per step), against YADE: largest error of both
+/// forces (N), and the step at which the bond failed.
+fn compare_cohesive(
+    table: &str,
+    overlap: f64,
+    velocity: Vector2<f64>,
+) -> (f64, f64, Option<BondBreak<PlaneSpace>>) {
+    let d = 2e-4;
+    // Bonded at a touch of 1e-18 m where the test starts without overlap.
+    let motion = Motion {
+        position: Vector2::new(d - overlap.max(1e-18), 0.0),
+        velocity,
+        spin: 0.0,
+    };
+    let (mut dem, mut particles) = cohesive_pair(d, motion);
     let (mut normal_error, mut shear_error) = (0.0_f64, 0.0_f64);
     for row in rows(table) {
         let [step, _, _, normal, shear, broken] = row[..] else {
@@ -702,29 +705,11 @@ fn a_bond_sheared_freely_follows_yade() {
 #[test]
 fn cohesion_is_lost_for_good() {
     let d = 2e-4;
-    let mut dem = cohesive(
-        PAPER,
-        DemSettings::new(about_origin::<PlaneSpace>(0.01), 1.0, 1e-5),
-        Vec::new(),
-    );
-    let mut particles = Particles::new();
-    let fixed = Body {
-        kind: Kind::Fixed,
-        ..Body::uniform::<PlaneSpace>(1, d / 2.0, 2600.0, 0)
-    };
-    let moved = Body {
-        mass: 1e30,
-        inertia: 1e30,
-        ..Body::uniform::<PlaneSpace>(2, d / 2.0, 2600.0, 0)
-    };
-    particles.insert(fixed, Motion::default());
     let motion = Motion {
         position: Vector2::new(d - 1e-18, 0.0),
         ..Motion::default()
     };
-    particles.insert(moved, motion);
-    dem.bond_existing_contacts(&mut particles, &alone())
-        .unwrap();
+    let (mut dem, mut particles) = cohesive_pair(d, motion);
     // Pull to half the strength, then shear until it fails.
     particles.motion[1].velocity = Vector2::new(0.5 * 3.373e-9 / 50.0, 0.0);
     dem.advance_many(&mut particles, &alone(), 50).unwrap();

@@ -34,17 +34,7 @@ fn region() -> GrainDomain<Volume> {
 /// coordinates are rounded as in a binary STL file.
 fn mesh(n: u32, from: f64) -> Wall<Volume> {
     let place = |k: u32| f64::from(single(from + PERIOD * f64::from(k) / f64::from(n)));
-    let vertices = (0..=n)
-        .flat_map(|y| (0..=n).map(move |x| Vector3::new(place(x), place(y), 0.0)))
-        .collect();
-    let mut facets = Vec::new();
-    for y in 0..n {
-        for x in 0..n {
-            let a = y * (n + 1) + x;
-            facets.push(vec![a, a + 1, a + n + 2]);
-            facets.push(vec![a, a + n + 2, a + n + 1]);
-        }
-    }
+    let (vertices, facets) = triangles(n, place);
     wall(FacetSurface::new(vertices, &facets).unwrap())
 }
 

@@ -54,11 +54,13 @@ fn dem(scene: Scene) -> Dem<PlaneSpace> {
     );
     if scene.bonded {
         let parameters = cohesive_frictional::CohesiveFrictionalParameters {
-            normal_stiffness: Scaled::Absolute(5e5),
+            linear: linear::LinearParameters {
+                normal_stiffness: Scaled::Absolute(5e5),
+                normal_damping_ratio: 0.05,
+                shear_damping_ratio: 0.05,
+                ..PAPER.linear
+            },
             cohesion: Scaled::Absolute(0.8),
-            normal_damping_ratio: 0.05,
-            shear_damping_ratio: 0.05,
-            ..PAPER
         };
         cohesive(parameters, settings(scene), walls)
     } else {
@@ -236,11 +238,10 @@ fn run(
     });
     let mut whole = Saved::default();
     for part in parts {
-        whole.grains.append(&part.grains).unwrap();
-        whole.contacts.grains.append(&part.contacts.grains).unwrap();
-        whole.contacts.walls.append(&part.contacts.walls).unwrap();
-        whole.contacts.faces = part.contacts.faces;
-        whole.contacts.steps = part.contacts.steps;
+        append(
+            (&mut whole.grains, &mut whole.contacts),
+            (&part.grains, part.contacts),
+        );
         whole.breaks.extend(part.breaks);
         whole.migrated |= part.migrated;
     }
@@ -354,9 +355,11 @@ fn heap(threads: usize) -> (NamedColumns, u64) {
         settings.gravity = Vector2::new(1.0, -9.81);
         let walls = Wall::of_box(region.lower, region.upper, [false, true, false], 0);
         let parameters = cohesive_frictional::CohesiveFrictionalParameters {
-            normal_stiffness: Scaled::Absolute(5e5),
+            linear: linear::LinearParameters {
+                normal_stiffness: Scaled::Absolute(5e5),
+                ..PAPER.linear
+            },
             cohesion: Scaled::Absolute(0.3),
-            ..PAPER
         };
         let mut dem = cohesive(parameters, settings, walls);
         let mut particles = Particles::new();
@@ -435,7 +438,6 @@ fn threads_do_not_show_in_lists_that_last() {
                 contacts.push(contact);
             });
             assert!(with_ghosts >= 20, "{with_ghosts}");
-            dem.unbond();
             dem.advance_many(&mut particles, &alone(), 10).unwrap();
             let rebuilds = dem.statistics(&particles).rebuilds;
             assert_eq!(rebuilds, 1);

@@ -234,11 +234,10 @@ fn run(
     });
     let mut whole = Saved::default();
     for part in parts {
-        whole.grains.append(&part.grains).unwrap();
-        whole.contacts.grains.append(&part.contacts.grains).unwrap();
-        whole.contacts.walls.append(&part.contacts.walls).unwrap();
-        whole.contacts.faces = part.contacts.faces;
-        whole.contacts.steps = part.contacts.steps;
+        append(
+            (&mut whole.grains, &mut whole.contacts),
+            (&part.grains, part.contacts),
+        );
         whole.breaks.extend(part.breaks);
     }
     whole

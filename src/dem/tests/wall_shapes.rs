@@ -13,17 +13,7 @@ use base::random::Stream;
 /// Returns the square about the origin across z, of half width 1, as `n` by `n` squares of two triangles.
 pub(super) fn mesh(n: u32, half: f64) -> FacetSurface {
     let place = |k: u32| half * (2.0 * f64::from(k) / f64::from(n) - 1.0);
-    let vertices = (0..=n)
-        .flat_map(|y| (0..=n).map(move |x| Vector3::new(place(x), place(y), 0.0)))
-        .collect();
-    let mut facets = Vec::new();
-    for y in 0..n {
-        for x in 0..n {
-            let a = y * (n + 1) + x;
-            facets.push(vec![a, a + 1, a + n + 2]);
-            facets.push(vec![a, a + n + 2, a + n + 1]);
-        }
-    }
+    let (vertices, facets) = triangles(n, place);
     FacetSurface::new(vertices, &facets).unwrap()
 }
 
@@ -112,25 +102,31 @@ fn strip(from: f64, to: f64) -> FacetSurface {
     FacetSurface::new(corners, &[vec![0, 1, 2, 3]]).unwrap()
 }
 
+/// Returns the motion of a ball 1500 steps after it began to fall on walls, and the number of its contacts after
+/// `steps` of them.
+fn drop_on(walls: Vec<Wall<Volume>>, x: f64, steps: u64) -> (Motion<Volume>, usize) {
+    let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);
+    let settings = DemSettings::new(about_origin::<Volume>(1.0), 2e-6, 1e-3);
+    let mut dem = linear(GLASS, settings, walls);
+    let mut particles = Particles::new();
+    let motion = Motion {
+        position: Vector3::new(x, 0.0013, 0.0101),
+        velocity: Vector3::new(0.1, 0.0, -1.0),
+        spin: Vector3::zeros(),
+    };
+    particles.insert(body, motion);
+    dem.advance_many(&mut particles, &alone(), steps).unwrap();
+    let mut contacts = 0;
+    dem.for_each_contact(&particles, |_| contacts += 1);
+    dem.advance_many(&mut particles, &alone(), 1500 - steps)
+        .unwrap();
+    (particles.motion[0], contacts)
+}
+
 /// Drops a ball on the seam of two walls in one plane, and next to it: it rebounds as from one wall.
 #[test]
 fn two_walls_that_touch_push_once() {
-    let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);
-    let drop = |walls: Vec<Wall<Volume>>, x: f64| {
-        let settings = DemSettings::new(about_origin::<Volume>(1.0), 2e-6, 1e-3);
-        let mut dem = linear(GLASS, settings, walls);
-        let mut particles = Particles::new();
-        let motion = Motion {
-            position: Vector3::new(x, 0.0013, 0.0101),
-            velocity: Vector3::new(0.1, 0.0, -1.0),
-            spin: Vector3::zeros(),
-        };
-        particles.insert(body, motion);
-        dem.advance_many(&mut particles, &alone(), 1500).unwrap();
-        let mut contacts = 0;
-        dem.for_each_contact(&particles, |_| contacts += 1);
-        (particles.motion[0], contacts)
-    };
+    let drop = |walls: Vec<Wall<Volume>>, x: f64| drop_on(walls, x, 1500);
     let wall = |surface: FacetSurface| Wall::of_surface(Arc::new(surface), 0);
     for x in [0.0, 1e-4, -1e-4, 4e-4] {
         let (one, _) = drop(vec![wall(strip(-0.1, 0.1))], x);
@@ -234,23 +230,7 @@ fn facets_in_a_plane_wall_push_once() {
         let up = Vector3::new(0.0, 0.0, 1.0);
         Wall::<Volume>::new(Vector3::zeros(), up, 0)
     };
-    let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);
-    let drop = |walls: Vec<Wall<Volume>>, x: f64| {
-        let settings = DemSettings::new(about_origin::<Volume>(1.0), 2e-6, 1e-3);
-        let mut dem = linear(GLASS, settings, walls);
-        let mut particles = Particles::new();
-        let motion = Motion {
-            position: Vector3::new(x, 0.0013, 0.0101),
-            velocity: Vector3::new(0.1, 0.0, -1.0),
-            spin: Vector3::zeros(),
-        };
-        particles.insert(body, motion);
-        dem.advance_many(&mut particles, &alone(), 110).unwrap();
-        let mut contacts = 0;
-        dem.for_each_contact(&particles, |_| contacts += 1);
-        dem.advance_many(&mut particles, &alone(), 1390).unwrap();
-        (particles.motion[0], contacts)
-    };
+    let drop = |walls: Vec<Wall<Volume>>, x: f64| drop_on(walls, x, 110);
     let wall = |surface: FacetSurface| Wall::of_surface(Arc::new(surface), 0);
     let cuboid = |from: f64, high: f64| {
         FacetSurface::of_box(
