@@ -10,7 +10,9 @@
 //! of cells covered since then (6 … 11).
 
 use super::body_map::{BodyMap, MapGrid, Rules};
-use super::lattice::{Balanced, LatticeFlow, advance_fluid, view_of_lattice};
+use super::lattice::{
+    Balanced, LatticeFlow, advance_fluid, parts_of_lattice_flow, view_of_lattice,
+};
 use super::loads::{about_centre, to_grain};
 use super::structure_map::StructureMap;
 use super::{BandStates, Flow, FluidView};
@@ -323,11 +325,6 @@ impl<Sp: Space, S: Stored> FluidView for BounceBack<Sp, S> {
         self.map.body_at(cell)
     }
 
-    fn structure_loads(&self) -> &[Load] {
-        let structures = self.structures.as_deref();
-        structures.map_or(&[], StructureMap::loads)
-    }
-
     fn fluxes(&self) -> Vec<Flux> {
         // The fluxes are those of the last step, whose end has moved the bodies.
         let before = self.map.closed_before();
@@ -350,20 +347,10 @@ impl<Sp: Space, S: Stored> FluidView for BounceBack<Sp, S> {
 }
 
 impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for BounceBack<Sp, S> {
-    fn fluid(&self) -> &Fluid<S> {
-        &self.fluid
-    }
-
-    fn fluid_mut(&mut self) -> &mut Fluid<S> {
-        &mut self.fluid
-    }
+    parts_of_lattice_flow!();
 
     fn restart(&mut self) {
         self.fresh = true;
-    }
-
-    fn last_loads(&self) -> &[Load] {
-        &self.loads[..self.owned.min(self.loads.len())]
     }
 
     /// Excludes cells inside the shells from the balance of the fluid.
@@ -372,10 +359,6 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for BounceBack<Sp, S> {
             bodies: Some(&self.map),
             structures: self.structures.as_deref(),
         }
-    }
-
-    fn structures(&self) -> Option<&StructureMap> {
-        self.structures.as_deref()
     }
 
     fn enclosed(&self, cell: [usize; 3]) -> bool {

@@ -143,7 +143,7 @@ pub trait LatticeFlow<Sp: Space, S: Stored>: Flow<Sp> + FluidView {
 }
 
 /// Implements the parts of a view of a lattice that do not depend on the coupling: all except the owner of a cell.
-/// For an `impl FluidView` of a type with `fluid` and `units`.
+/// For an `impl FluidView` of a type with `fluid`, `structures` and `units`.
 macro_rules! view_of_lattice {
     () => {
         fn units(&self) -> &LatticeUnits {
@@ -188,6 +188,32 @@ macro_rules! view_of_lattice {
             let names = self.fluid.boundaries().names();
             names.map(str::to_owned).collect()
         }
+        fn structure_loads(&self) -> &[Load] {
+            let structures = self.structures.as_deref();
+            structures.map_or(&[], StructureMap::loads)
+        }
     };
 }
 pub(super) use view_of_lattice;
+
+/// Implements the functions of [`LatticeFlow`] that return fields of the same names in every coupling.
+macro_rules! parts_of_lattice_flow {
+    () => {
+        fn fluid(&self) -> &Fluid<S> {
+            &self.fluid
+        }
+
+        fn fluid_mut(&mut self) -> &mut Fluid<S> {
+            &mut self.fluid
+        }
+
+        fn last_loads(&self) -> &[Load] {
+            &self.loads[..self.owned.min(self.loads.len())]
+        }
+
+        fn structures(&self) -> Option<&StructureMap> {
+            self.structures.as_deref()
+        }
+    };
+}
+pub(super) use parts_of_lattice_flow;

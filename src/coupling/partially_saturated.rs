@@ -19,7 +19,9 @@
 
 use super::body_map::MapGrid;
 use super::cover_map::{CoverMap, rigid};
-use super::lattice::{Balanced, LatticeFlow, advance_fluid, view_of_lattice};
+use super::lattice::{
+    Balanced, LatticeFlow, advance_fluid, parts_of_lattice_flow, view_of_lattice,
+};
 use super::loads::{about_centre, to_grain};
 use super::solid_fraction;
 use super::structure_map::StructureMap;
@@ -358,11 +360,6 @@ impl<Sp: Space, S: Stored> FluidView for PartiallySaturated<Sp, S> {
         self.fluid.cover()?.body_at(position)
     }
 
-    fn structure_loads(&self) -> &[Load] {
-        let structures = self.structures.as_deref();
-        structures.map_or(&[], StructureMap::loads)
-    }
-
     /// Counts the cells of bodies like water: their content has the pressure of the water and passes it on.
     fn fluxes(&self) -> Vec<Flux> {
         let structures = self.structures.as_deref();
@@ -376,13 +373,7 @@ impl<Sp: Space, S: Stored> FluidView for PartiallySaturated<Sp, S> {
 }
 
 impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for PartiallySaturated<Sp, S> {
-    fn fluid(&self) -> &Fluid<S> {
-        &self.fluid
-    }
-
-    fn fluid_mut(&mut self) -> &mut Fluid<S> {
-        &mut self.fluid
-    }
+    parts_of_lattice_flow!();
 
     fn restart(&mut self) {
         self.fresh = false;
@@ -394,20 +385,12 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for PartiallySaturated<Sp, S> {
         Ok(self.fluid.fetch()?)
     }
 
-    fn last_loads(&self) -> &[Load] {
-        &self.loads[..self.owned.min(self.loads.len())]
-    }
-
     /// Excludes structures only: bodies receive the momentum that their cells lose.
     fn balanced(&self) -> Balanced<'_> {
         Balanced {
             bodies: None,
             structures: self.structures.as_deref(),
         }
-    }
-
-    fn structures(&self) -> Option<&StructureMap> {
-        self.structures.as_deref()
     }
 
     /// Returns `false` for every cell, never `true`: cells that bodies fill in part exchange populations with all their
