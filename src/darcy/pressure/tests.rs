@@ -60,12 +60,51 @@ fn conductivities(permeability: &[f64]) -> Vec<f64> {
 }
 
 /// Returns stationary grains.
-fn still(conductivity: &[f64]) -> Medium<'_> {
+pub(in crate::pressure) fn still(conductivity: &[f64]) -> Medium<'_> {
     Medium {
         conductivity,
         carried: None,
         source: None,
     }
+}
+
+/// Returns a grid of a plane with equal cells.
+pub(in crate::pressure) fn plane(cells: [usize; 2], size: [f64; 2]) -> SeepageGrid {
+    SeepageGrid {
+        cells: [cells[0], cells[1], 1],
+        origin: [0.0; 3],
+        spacing: [size[0] / real(cells[0]), size[1] / real(cells[1]), 1.0],
+        dimension: 2,
+        ..SeepageGrid::default()
+    }
+}
+
+/// Returns a patch for each face of the boundary of a plane, with the condition at the middle of the face.
+pub(in crate::pressure) fn around(
+    grid: &SeepageGrid,
+    condition: impl Fn(usize, bool, [f64; 2]) -> Condition,
+) -> Vec<PressurePatch> {
+    let mut all = Vec::new();
+    for axis in 0..2 {
+        for upper in [false, true] {
+            for n in 0..grid.cells[1 - axis] {
+                let mut from = [0; 3];
+                from[1 - axis] = n;
+                from[axis] = if upper { grid.cells[axis] - 1 } else { 0 };
+                let mut middle = grid.centre(from);
+                middle[axis] += if upper { 0.5 } else { -0.5 } * grid.width(axis, from);
+                all.push(PressurePatch {
+                    axis,
+                    upper,
+                    from,
+                    to: from.map(|k| k + 1),
+                    condition: condition(axis, upper, [middle[0], middle[1]]),
+                    inside: false,
+                });
+            }
+        }
+    }
+    all
 }
 
 #[test]

@@ -1,10 +1,10 @@
 //! Dipping ground against exact solutions.
 
+use super::super::tests::{around, plane, still};
 use super::super::{Equations, Liquid, Medium, PressurePatch, PressureSettings};
 use super::*;
 use crate::enclosure::Enclosure;
 use crate::{Openness, SeepageGrid};
-use base::number::real;
 use decomposition::Communicator;
 
 const WATER: Liquid = Liquid {
@@ -16,46 +16,6 @@ const WATER: Liquid = Liquid {
 fn tensor(degrees: f64) -> [f64; 3] {
     let (s, c) = degrees.to_radians().sin_cos();
     [c * c + 0.1 * s * s, s * s + 0.1 * c * c, 0.9 * s * c]
-}
-
-fn plane(cells: [usize; 2], size: [f64; 2]) -> SeepageGrid {
-    SeepageGrid {
-        cells: [cells[0], cells[1], 1],
-        origin: [0.0; 3],
-        spacing: [size[0] / real(cells[0]), size[1] / real(cells[1]), 1.0],
-        dimension: 2,
-        ..SeepageGrid::default()
-    }
-}
-
-/// Returns a patch for each face of the boundary, with the condition at the middle of the face.
-fn around(
-    grid: &SeepageGrid,
-    condition: impl Fn(usize, bool, [f64; 2]) -> Condition,
-) -> Vec<PressurePatch> {
-    let mut all = Vec::new();
-    for axis in 0..2 {
-        for upper in [false, true] {
-            for n in 0..grid.cells[1 - axis] {
-                let mut from = [0; 3];
-                from[1 - axis] = n;
-                if upper {
-                    from[axis] = grid.cells[axis] - 1;
-                }
-                let mut middle = grid.centre(from);
-                middle[axis] += if upper { 0.5 } else { -0.5 } * grid.spacing[axis];
-                all.push(PressurePatch {
-                    axis,
-                    upper,
-                    from,
-                    to: from.map(|k| k + 1),
-                    condition: condition(axis, upper, [middle[0], middle[1]]),
-                    inside: false,
-                });
-            }
-        }
-    }
-    all
 }
 
 fn value(p: f64) -> Condition {
@@ -90,14 +50,6 @@ fn solver(
         .with_shear(&shear);
     solver.set_directions(&ratios);
     (solver, mean)
-}
-
-fn still(conductivity: &[f64]) -> Medium<'_> {
-    Medium {
-        conductivity,
-        carried: None,
-        source: None,
-    }
 }
 
 /// Checks that uniform flow at any angle is exact, with pressures or with fluxes on a face: pressures, fluxes,

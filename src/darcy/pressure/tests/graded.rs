@@ -32,34 +32,6 @@ fn plane(cells: [usize; 2], size: [f64; 2], ratios: [f64; 2]) -> SeepageGrid {
     grid([1; 3], [1.0; 3]).with_faces([of_axis(0), of_axis(1), None])
 }
 
-/// Returns a patch for each face of the boundary of a plane grid, with the condition at its middle.
-fn around(
-    grid: &SeepageGrid,
-    condition: impl Fn(usize, bool, [f64; 2]) -> Condition,
-) -> Vec<PressurePatch> {
-    let mut all = Vec::new();
-    for axis in 0..2 {
-        for upper in [false, true] {
-            for n in 0..grid.cells[1 - axis] {
-                let mut from = [0; 3];
-                from[1 - axis] = n;
-                from[axis] = if upper { grid.cells[axis] - 1 } else { 0 };
-                let mut middle = grid.centre(from);
-                middle[axis] += if upper { 0.5 } else { -0.5 } * grid.width(axis, from);
-                all.push(PressurePatch {
-                    axis,
-                    upper,
-                    from,
-                    to: from.map(|k| k + 1),
-                    condition: condition(axis, upper, [middle[0], middle[1]]),
-                    inside: false,
-                });
-            }
-        }
-    }
-    all
-}
-
 /// Checks that a linear field is exact to rounding: pressures, fluxes, gradients, discharges; with a dip and without.
 #[test]
 fn a_linear_field_is_exact() {

@@ -4,6 +4,7 @@ mod transient;
 
 use super::*;
 use crate::enclosure::Enclosure;
+use crate::pressure::tests::{plane, still};
 use crate::pressure::{Equations, Liquid, PressurePatch, PressureSettings};
 use crate::retention::gardner::Gardner;
 use crate::retention::saturated_only::SaturatedOnly;
@@ -24,17 +25,6 @@ fn settings() -> PressureSettings {
         gravity: [0.0, -G, 0.0],
         tolerance: 1e-9,
         iterations: 200,
-    }
-}
-
-/// A grid of a plane, y up.
-fn plane(cells: [usize; 2], size: [f64; 2]) -> SeepageGrid {
-    SeepageGrid {
-        cells: [cells[0], cells[1], 1],
-        origin: [0.0; 3],
-        spacing: [size[0] / real(cells[0]), size[1] / real(cells[1]), 1.0],
-        dimension: 2,
-        ..SeepageGrid::default()
     }
 }
 
@@ -71,14 +61,6 @@ fn solver(grid: &SeepageGrid, patches: Vec<PressurePatch>, retention: Retention)
 /// Conductivity [m2/(Pa s)] of a hydraulic conductivity \[m/s\].
 fn conductivity(grid: &SeepageGrid, hydraulic: f64) -> Vec<f64> {
     vec![hydraulic / (WATER.density * G); grid.count()]
-}
-
-fn still(conductivity: &[f64]) -> Medium<'_> {
-    Medium {
-        conductivity,
-        carried: None,
-        source: None,
-    }
 }
 
 /// Solves for a dam of this height above impervious ground between two water levels, with a hydraulic conductivity of 1
