@@ -4,11 +4,6 @@
 //! reduces the values to one number. A profile is the values at the last time over a coordinate. Two profiles are
 //! compared by a [`Norm`].
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets"
-)]
-
 use super::expression::{ExpressionError, evaluate};
 use base::number::real;
 use io::csv::Reader;
@@ -48,11 +43,11 @@ pub enum Take {
     Mean,
     /// Number of rows.
     Count,
-    /// (2/n) sum of value times cos(2 pi time/period) over whole periods, with the period as a formula [s].
+    /// (2/n) sum of value times cos(2 pi time/period) over whole periods, with the period as a formula \[s\].
     Cosine(String),
     /// The sum of [`Self::Cosine`] with sin(2 pi time/period).
     Sine(String),
-    /// Time between upward crossings of the mean, on average [s].
+    /// Time between upward crossings of the mean, on average \[s\].
     Period,
     /// Largest difference from a formula of the columns, divided by the largest absolute value of that formula, over
     /// the rows of the last time.

@@ -99,7 +99,7 @@ pub struct JointSet {
     #[serde(default)]
     pub origin: Option<Vector>,
     /// Persistence: probability that a joint cuts a block on its path [1].
-    #[serde(default = "one")]
+    #[serde(default = "crate::one")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub persistence: f64,
 }
@@ -157,8 +157,4 @@ pub struct Block {
     /// Material. Default: the material of all blocks.
     #[serde(default)]
     pub material: Option<String>,
-}
-
-fn one() -> f64 {
-    1.0
 }

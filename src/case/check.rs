@@ -43,9 +43,25 @@ pub(crate) fn bare_schema() -> Value {
 
 /// Returns the schema of any text that is read as a tree.
 pub fn schema_of<T: JsonSchema>() -> Value {
-    SchemaGenerator::new(SchemaSettings::draft2020_12())
+    let mut schema = SchemaGenerator::new(SchemaSettings::draft2020_12())
         .into_root_schema_for::<T>()
-        .to_value()
+        .to_value();
+    unescape(&mut schema);
+    schema
+}
+
+/// Removes the backslashes of units in brackets from the descriptions, which are comments: there `\[m\]` is no link.
+fn unescape(part: &mut Value) {
+    match part {
+        Value::Object(fields) => {
+            if let Some(Value::String(text)) = fields.get_mut("description") {
+                *text = text.replace(r"\[", "[").replace(r"\]", "]");
+            }
+            fields.values_mut().for_each(unescape);
+        }
+        Value::Array(parts) => parts.iter_mut().for_each(unescape),
+        _ => {}
+    }
 }
 
 /// Findings of a walk over a tree.

@@ -28,7 +28,7 @@ pub struct GroundCollapse {
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
     pub void_below: f64,
     /// A grain is loose if its displacement exceeds this many mean diameters [1].
-    #[serde(default = "one")]
+    #[serde(default = "crate::one")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub loose_diameters: f64,
     /// Percentile of the settlement of all columns that is written [%].
@@ -109,10 +109,6 @@ impl Default for StageThresholds {
 
 fn half() -> f64 {
     0.5
-}
-
-fn one() -> f64 {
-    1.0
 }
 
 fn ninety() -> f64 {

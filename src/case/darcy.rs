@@ -88,7 +88,7 @@ pub struct Darcy {
     pub drag: Option<DragLaw>,
     /// `true` if the drag is treated semi-implicitly, which stabilises grains whose response time is below the
     /// coupling interval.
-    #[serde(default = "default_true")]
+    #[serde(default = "crate::yes")]
     pub semi_implicit_drag: bool,
     /// Solid steps between two couplings. Default: the largest number for which contacts, drag and bed are stable,
     /// limited by `accuracy`, or to 100 without `accuracy`. A longer interval is unstable.
@@ -162,10 +162,6 @@ fn default_tolerance() -> f64 {
 
 fn default_iterations() -> u32 {
     500
-}
-
-fn default_true() -> bool {
-    true
 }
 
 /// Unsaturated ground.

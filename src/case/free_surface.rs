@@ -51,7 +51,7 @@ pub struct Wave {
     /// Axis along which the height changes.
     pub axis: Axis,
     /// Number of waves in the domain; 0.5 for half a wave between two walls.
-    #[serde(default = "one")]
+    #[serde(default = "crate::one")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub waves: f64,
 }
@@ -77,8 +77,4 @@ pub struct SolitaryWave {
     /// `true` for a wave that travels towards smaller coordinates.
     #[serde(default)]
     pub backward: bool,
-}
-
-fn one() -> f64 {
-    1.0
 }

@@ -85,17 +85,13 @@ pub struct SampleFile {
     pub path: PathBuf,
     /// Length of the unit of the file [m]: 0.001 for a file in mm without units in brackets. Centres, radii and
     /// velocities are multiplied by it.
-    #[serde(default = "one")]
+    #[serde(default = "crate::one")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub scale: f64,
     /// Position of the origin of the file in the domain [m], for samples that are centred at the origin. Default: the
     /// origin of the domain.
     #[serde(default)]
     pub origin: Option<Vector>,
-}
-
-fn one() -> f64 {
-    1.0
 }
 
 /// Preparation by radius growth, without cohesion and fluid. During the growth all faces of the box are frictional

@@ -22,7 +22,7 @@ pub struct JointNetwork {
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub time_step: f64,
     /// `true` if the inertia of the water is included, with the friction of a laminar layer at each frequency.
-    #[serde(default = "default_true")]
+    #[serde(default = "crate::yes")]
     pub inertia: bool,
     /// Water outside the joints, at least one mouth. All other edges that meet no other joint are closed. An edge
     /// in two boxes belongs to the first.
@@ -96,7 +96,7 @@ pub struct JointSettings {
     #[schemars(extend("minimum" = 0, "maximum" = 0.5))]
     pub air_content: f64,
     /// Exponent of the compression of the air [1]: 1 isothermal, 1.4 adiabatic.
-    #[serde(default = "one")]
+    #[serde(default = "crate::one")]
     #[schemars(extend("minimum" = 1, "maximum" = 1.4))]
     pub air_exponent: f64,
     /// Atmospheric pressure [Pa]. All other pressures are relative to it; under a lattice it is the absolute pressure
@@ -162,18 +162,10 @@ fn bulk_modulus() -> f64 {
     2.18e9
 }
 
-fn one() -> f64 {
-    1.0
-}
-
 fn atmosphere() -> f64 {
     101_325.0
 }
 
 fn vapour() -> f64 {
     2339.0
-}
-
-fn default_true() -> bool {
-    true
 }

@@ -265,3 +265,13 @@ fn each_path(tree: &mut Value, with: &mut impl FnMut(&mut String)) {
 pub fn schema() -> Value {
     restart::mark(annotation::allow(check::bare_schema()))
 }
+
+/// Returns the default of factors.
+fn one() -> f64 {
+    1.0
+}
+
+/// Returns `true`, the default of what a case may turn off.
+fn yes() -> bool {
+    true
+}

@@ -7,11 +7,6 @@
 //! The content follows the permeability, as in the solutions of R. Srivastava and T.-C. J. Yeh (Water Resour. Res. 27
 //! (1991) 753), in which the equation of Richards is linear in `k_r`.
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets: [m]"
-)]
-
 use super::van_genuchten::contents;
 use super::{Fault, RetentionLaw, SoilState};
 use schemars::JsonSchema;
@@ -28,10 +23,10 @@ pub struct Gardner {
     /// Reciprocal of the capillary length [1/m]: 1 in clay to 30 in coarse sand.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub alpha: f64,
-    /// Content of water at saturation [1].
+    /// Content of water at saturation \[1\].
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
     pub saturated_content: f64,
-    /// Content of water that does not drain [1].
+    /// Content of water that does not drain \[1\].
     #[serde(default)]
     #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
     pub residual_content: f64,

@@ -7,11 +7,6 @@
 //!
 //! The parameter a of publications that print `A/(A + |psi|^b)` is `A^(1/b)`.
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets: [m]"
-)]
-
 use super::{Fault, RetentionLaw, SoilState, van_genuchten};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -21,22 +16,22 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct Haverkamp {
-    /// Suction head a at which half of the water has drained [m].
+    /// Suction head a at which half of the water has drained \[m\].
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub content_head: f64,
-    /// Exponent b of the content [1].
+    /// Exponent b of the content \[1\].
     #[schemars(extend("minimum" = 1, "maximum" = 20))]
     pub content_exponent: f64,
-    /// Suction head c at which the permeability is half of that at saturation [m].
+    /// Suction head c at which the permeability is half of that at saturation \[m\].
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub permeability_head: f64,
-    /// Exponent d of the permeability [1].
+    /// Exponent d of the permeability \[1\].
     #[schemars(extend("minimum" = 1, "maximum" = 20))]
     pub permeability_exponent: f64,
-    /// Content of water at saturation [1].
+    /// Content of water at saturation \[1\].
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
     pub saturated_content: f64,
-    /// Content of water that does not drain [1].
+    /// Content of water that does not drain \[1\].
     #[serde(default)]
     #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
     pub residual_content: f64,

@@ -9,11 +9,6 @@
 //! Dupuit and I. A. Charny up to a part of order `h` over the height. Nothing is stored above the phreatic surface:
 //! the model is for steady flow.
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets: [m]"
-)]
-
 use super::{Fault, RetentionLaw, SoilState};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -28,7 +23,7 @@ const DEFAULT_CAPILLARY_LENGTH: f64 = 1e-3;
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct SaturatedOnly {
-    /// Height over which the permeability falls to 1/e above the phreatic surface [m]. Default: a tenth of the height
+    /// Height over which the permeability falls to 1/e above the phreatic surface \[m\]. Default: a tenth of the height
     /// of a cell. Less than a twentieth may not converge.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]

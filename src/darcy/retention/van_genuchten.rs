@@ -13,11 +13,6 @@
 //! air-entry suction, 2 cm in T. Vogel, M. T. van Genuchten and M. Cislerova (Adv. Water Resour. 24 (2001) 133). Here
 //! `k_r` is linear in `psi` at suctions below 1e-4 capillary lengths if n is below 2, and exact beyond.
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets: [m]"
-)]
-
 use super::{Fault, NEARLY_SATURATED, RetentionLaw, SoilState};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -37,17 +32,17 @@ pub struct VanGenuchten {
     /// Reciprocal of the suction head at which the soil begins to drain [1/m]: 0.5 in clay to 15 in sand.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub alpha: f64,
-    /// Exponent n [1]: 1.1 in clay to 3 in sand.
+    /// Exponent n \[1\]: 1.1 in clay to 3 in sand.
     #[schemars(extend("minimum" = 1.05, "maximum" = 20))]
     pub n: f64,
-    /// Content of water at saturation [1].
+    /// Content of water at saturation \[1\].
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
     pub saturated_content: f64,
-    /// Content of water that does not drain [1].
+    /// Content of water that does not drain \[1\].
     #[serde(default)]
     #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 1))]
     pub residual_content: f64,
-    /// Exponent L of the permeability [1] (Mualem 1976: 0.5).
+    /// Exponent L of the permeability \[1\] (Mualem 1976: 0.5).
     #[serde(default = "half")]
     #[schemars(extend("minimum" = 0, "maximum" = 5))]
     pub exponent: f64,

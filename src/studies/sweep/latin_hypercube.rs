@@ -11,11 +11,6 @@
 //! A list of m values has m strata of equal probability: each value is drawn n/m times, rounded up or down. Drawn
 //! numbers are rounded to four digits, so that tables, names and cases show them in full.
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets"
-)]
-
 use super::problems::problem;
 use base::error::Problem;
 use base::number::{real, whole};

@@ -1,10 +1,5 @@
 //! A study as written: a base case, variations, outputs and references.
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets"
-)]
-
 use super::latin_hypercube::{Range, Sample};
 use super::problems::{problem, unknown};
 use analysis::expression;
@@ -189,7 +184,7 @@ pub struct Run {
     #[serde(deserialize_with = "check::whole")]
     #[schemars(range(min = 1, max = 1024))]
     pub at_once: u32,
-    /// Wall-clock time after which a member is aborted [s].
+    /// Wall-clock time after which a member is aborted \[s\].
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub time_limit: Option<f64>,
 }

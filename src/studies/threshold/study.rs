@@ -1,10 +1,5 @@
 //! A search for a threshold as written: base case, searched field, outputs and criterion.
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets"
-)]
-
 use crate::section::{Section, Tolerance};
 use crate::sweep::problems::problem;
 use crate::sweep::study::{
