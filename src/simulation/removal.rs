@@ -143,18 +143,6 @@ impl Removal {
         }
     }
 
-    /// Returns the grains that each region of the scene has removed so far, all ranks together.
-    #[must_use]
-    pub fn taken(&self) -> &[RemovedCount] {
-        &self.state.taken
-    }
-
-    /// Returns the number of grains generated so far.
-    #[must_use]
-    pub fn generated(&self) -> u64 {
-        self.state.made.iter().map(|made| made.grains).sum()
-    }
-
     /// Returns the numbers of grains due and generated of each generating region, up to the last step.
     #[must_use]
     pub fn feed_counts(&self, plan: &Plan) -> Vec<Feed> {
@@ -632,8 +620,12 @@ mod tests {
         assert_eq!(ids, [(2, 1), (4, 0), (8, 1), (9, 1)]);
         assert_eq!((gone[0].grain.step, gone[0].grain.time), (7, 0.5));
         let mass = Body::uniform::<PlaneSpace>(0, 1e-4, 2000.0, 0).mass;
-        assert_eq!(removal.taken()[1].grains, 3);
-        approx::assert_relative_eq!(removal.taken()[1].mass, 3.0 * mass, max_relative = 1e-15);
+        assert_eq!(removal.state.taken[1].grains, 3);
+        approx::assert_relative_eq!(
+            removal.state.taken[1].mass,
+            3.0 * mass,
+            max_relative = 1e-15
+        );
         assert_eq!(particles.owned(), 3);
         let again = removal.remove_grains(&mut particles, &plan, &serial(), 8, 0.6);
         assert!(again.unwrap().is_empty());
@@ -644,7 +636,7 @@ mod tests {
         other
             .restore(&serde_json::from_str(&text).unwrap(), (None, &[]), 0.6)
             .unwrap();
-        assert_eq!(other.taken(), removal.taken());
+        assert_eq!(other.state.taken, removal.state.taken);
         assert!(
             other
                 .restore(&RemovalState::default(), (None, &[]), 0.6)
@@ -703,7 +695,7 @@ mod tests {
         }
         assert_eq!(born[..4], [0, 1, 1, 1]);
         assert_eq!(born.iter().sum::<u64>(), 12, "at most twelve: {born:?}");
-        assert_eq!(removal.generated(), 12);
+        assert_eq!(removal.state.made[0].grains, 12);
         let feed = |due, generated| Feed {
             region: "spring".into(),
             due,

@@ -75,12 +75,6 @@ impl Images {
         &*self.solid
     }
 
-    /// Returns the domain.
-    #[must_use]
-    pub fn frame(&self) -> &Frame {
-        &self.frame
-    }
-
     /// Returns the distance to the nearest image: see [`Solid::distance`].
     #[must_use]
     pub fn distance(&self, at: Point) -> f64 {

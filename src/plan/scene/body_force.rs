@@ -23,22 +23,6 @@ pub enum BodyForce {
 }
 
 impl BodyForce {
-    /// Returns the force at a time \[s\].
-    #[must_use]
-    pub fn force_at(&self, time: f64) -> [f64; 3] {
-        match self {
-            Self::Constant(force) => *force,
-            Self::Oscillating {
-                amplitude,
-                period,
-                phase,
-            } => {
-                let factor = (std::f64::consts::TAU * time / period + phase).cos();
-                amplitude.map(|a| a * factor)
-            }
-        }
-    }
-
     /// Returns the largest force at any time.
     #[must_use]
     pub fn largest(&self) -> [f64; 3] {
