@@ -10,7 +10,7 @@ use decomposition::{Domain, SplitAxis};
 use solver::lbm::boundary::{Patch, Ramp, velocity};
 use solver::lbm::collision::{Operator, bgk, mrt, trt};
 use solver::lbm::error::FluidError;
-use solver::lbm::fluid::{Fluid, Force, Setup, kernel_exists_on_gpu};
+use solver::lbm::fluid::{Fluid, Force, Models, Setup, kernel_exists_on_gpu};
 use solver::lbm::gpu::{Device, copy_bandwidth};
 use solver::lbm::lanes::Stored;
 use solver::lbm::lattice::VelocitySet;
@@ -24,6 +24,12 @@ struct Row {
     forced: bool,
 }
 
+impl Row {
+    fn models(&self) -> Models {
+        Models::new(self.set, self.operator)
+    }
+}
+
 /// Returns a box with a lid that starts to slide, periodic along the given axes.
 fn setup<S: Stored>(row: &Row, cells: [usize; 3], periodic: [bool; 3], device: Device) -> Setup<S> {
     let flat = row.set.dimension() == 2;
@@ -35,10 +41,6 @@ fn setup<S: Stored>(row: &Row, cells: [usize; 3], periodic: [bool; 3], device: D
     };
     let lid = velocity::VelocityLinks::new(Box::new(|_| [0.05, 0.0, 0.0]), ramp);
     Setup {
-        set: row.set,
-        operator: row.operator,
-        relaxation_time: 0.6,
-        turbulence: None,
         force: if row.forced {
             Force::Oscillating {
                 mean: [1e-6, 0.0, 0.0],
@@ -49,7 +51,6 @@ fn setup<S: Stored>(row: &Row, cells: [usize; 3], periodic: [bool; 3], device: D
         } else {
             Force::None
         },
-        cells: if flat { [cells[0], cells[1], 1] } else { cells },
         periodic: [periodic[0], periodic[1] && !flat, flat || periodic[2]],
         patches: vec![Patch {
             name: "lid".into(),
@@ -58,11 +59,12 @@ fn setup<S: Stored>(row: &Row, cells: [usize; 3], periodic: [bool; 3], device: D
             range: [[f64::NEG_INFINITY, f64::INFINITY]; 3],
             rule: Box::new(lid),
         }],
-        saturation: None,
-        single: false,
         device,
-        surface_axis: None,
-        terms: Vec::new(),
+        ..Setup::new(
+            row.models(),
+            0.6,
+            if flat { [cells[0], cells[1], 1] } else { cells },
+        )
     }
 }
 
@@ -156,7 +158,7 @@ fn report<S: Stored>(row: &Row, wanted: &Wanted, bandwidth: f64) -> Result<(), F
     if !wanted.words.iter().all(|word| name.contains(word)) {
         return Ok(());
     }
-    if !kernel_exists_on_gpu(row.set, row.operator, S::NAME, [row.forced, false]) {
+    if !kernel_exists_on_gpu(row.models(), S::NAME, [row.forced, false]) {
         println!("{name:30} no kernel");
         return Ok(());
     }

@@ -10,7 +10,7 @@ use decomposition::{Domain, SplitAxis};
 use solver::lbm::boundary::{Patch, velocity};
 use solver::lbm::collision::{Operator, bgk, cumulant, mrt, trt};
 use solver::lbm::error::FluidError;
-use solver::lbm::fluid::{Fluid, Force, Setup};
+use solver::lbm::fluid::{Fluid, Force, Models, Setup};
 use solver::lbm::lanes::Stored;
 use solver::lbm::lattice::VelocitySet;
 use solver::lbm::turbulence::EddyViscosity;
@@ -36,7 +36,7 @@ fn measure<S: Stored>(
     cells: [usize; 3],
     steps: usize,
 ) -> f64 {
-    let mut fluid = match fluid::<S>(set, operator, None, force, cells, false) {
+    let mut fluid = match fluid::<S>(Models::new(set, operator), force, cells, false) {
         Ok(fluid) => fluid,
         Err(message) => {
             println!("{message}");
@@ -48,27 +48,16 @@ fn measure<S: Stored>(
 
 /// Returns the fluid of a closed box under a lid; `single` is `true` for collisions in f32.
 fn fluid<S: Stored>(
-    set: VelocitySet,
-    operator: Operator,
-    turbulence: Option<EddyViscosity>,
+    models: Models,
     force: Force,
     cells: [usize; 3],
     single: bool,
 ) -> Result<Fluid<S>, FluidError> {
     let setup = Setup {
-        set,
-        operator,
-        relaxation_time: 0.8,
-        turbulence,
         force,
-        cells,
-        periodic: [false; 3],
         patches: vec![lid(if cells[2] == 1 { 1 } else { 2 })],
-        saturation: None,
         single,
-        device: solver::lbm::gpu::Device::Cpu,
-        surface_axis: None,
-        terms: Vec::new(),
+        ..Setup::new(models, 0.8, cells)
     };
     Fluid::new(setup, &Domain::serial(SplitAxis::X, cells[0], false))
 }
@@ -103,9 +92,10 @@ fn precisions(
     cells: [usize; 3],
     steps: usize,
 ) -> Result<(), FluidError> {
-    let mut double = fluid::<f64>(set, operator, None, Force::None, cells, false)?;
-    let mut stored = fluid::<f32>(set, operator, None, Force::None, cells, false)?;
-    let mut single = fluid::<f32>(set, operator, None, Force::None, cells, true)?;
+    let models = Models::new(set, operator);
+    let mut double = fluid::<f64>(models, Force::None, cells, false)?;
+    let mut stored = fluid::<f32>(models, Force::None, cells, false)?;
+    let mut single = fluid::<f32>(models, Force::None, cells, true)?;
     let mut turns = Vec::new();
     for turn in 0..=TURNS {
         let times = [
@@ -278,7 +268,10 @@ fn main() {
         216.0,
     );
     let mrt = Operator::Mrt(mrt::MrtParameters::default());
-    let wale = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
+    let with_wale = Models {
+        turbulence: Some(EddyViscosity::Wale(Wale { constant: 0.5 })),
+        ..Models::new(VelocitySet::D3Q27, mrt)
+    };
     show(
         "D3Q27 MRT f64",
         &|| measure::<f64>(VelocitySet::D3Q27, mrt, Force::None, cube, steps / 2),
@@ -287,7 +280,7 @@ fn main() {
     show(
         "D3Q27 MRT + WALE + force f64",
         &|| {
-            let fluid = fluid::<f64>(VelocitySet::D3Q27, mrt, wale, force, cube, false);
+            let fluid = fluid::<f64>(with_wale, force, cube, false);
             fluid.map_or(0.0, |mut fluid| fastest(&mut fluid, steps / 2))
         },
         468.0,

@@ -11,7 +11,7 @@ use decomposition::{Domain, SplitAxis};
 use solver::lbm::boundary::{Patch, velocity};
 use solver::lbm::collision::{Operator, bgk, mrt, trt};
 use solver::lbm::error::FluidError;
-use solver::lbm::fluid::{Fluid, Force, Setup};
+use solver::lbm::fluid::{Fluid, Force, Models, Setup};
 use solver::lbm::lanes::Stored;
 use solver::lbm::lattice::VelocitySet;
 use solver::number::whole;
@@ -93,19 +93,15 @@ impl Flow {
             rule: Box::new(velocity::VelocityLinks::uniform([speed, 0.0, 0.0])) as _,
         });
         Setup {
-            set: self.set,
-            operator: self.operator,
-            relaxation_time: self.relaxation_time,
-            turbulence: None,
             force,
-            cells,
             periodic,
             patches: lid.into_iter().collect(),
-            saturation: None,
             single,
-            device: solver::lbm::gpu::Device::Cpu,
-            surface_axis: None,
-            terms: Vec::new(),
+            ..Setup::new(
+                Models::new(self.set, self.operator),
+                self.relaxation_time,
+                cells,
+            )
         }
     }
 

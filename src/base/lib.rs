@@ -21,3 +21,4 @@ pub mod provenance;
 pub mod random;
 pub mod thread_pool;
 pub mod units;
+pub mod vector;

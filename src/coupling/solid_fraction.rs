@@ -18,6 +18,7 @@ mod disc;
 mod round_rows;
 
 pub use ball::{BallInCells, BallTable};
+use base::vector::{dot, norm};
 pub use block::{BlockTable, PolyhedronSurface, RowAxes};
 use block_rows::BlockRows;
 use disc::DiscTable;
@@ -209,7 +210,7 @@ impl Form<'_> {
             }
             Self::Ball { centre, radius } => {
                 let d: [f64; 3] = std::array::from_fn(|a| point[a] - centre[a]);
-                (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt() - radius
+                norm(d) - radius
             }
             Self::Block { surface, .. } => height_over(surface.planes(), point),
         }
@@ -221,11 +222,6 @@ impl Form<'_> {
 pub(crate) fn height_over(planes: &[CellPlane], point: [f64; 3]) -> f64 {
     let heights = planes.iter().map(|plane| plane.height(point));
     heights.fold(f64::NEG_INFINITY, f64::max)
-}
-
-#[inline(always)]
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 #[cfg(test)]

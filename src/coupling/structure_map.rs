@@ -10,6 +10,7 @@
 
 use super::body_map::{BodyMap, GHOSTS, MapGrid};
 use base::units::LatticeUnits;
+use base::vector::norm;
 use lbm::boundary::FaceLoads;
 use lbm::fluid::Fluid;
 use lbm::lanes::Stored;
@@ -372,7 +373,7 @@ impl StructureMap {
         along: [f64; 3],
         found: &mut Vec<[f64; 2]>,
     ) -> Option<(usize, [f64; 2])> {
-        let length = along.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let length = norm(along);
         let mut best: Option<(usize, [f64; 2])> = None;
         for (n, solid) in self.solids.iter().enumerate() {
             if solid.distance(from) > length {
@@ -678,12 +679,6 @@ impl StructureMap {
     #[must_use]
     pub fn sheets(&self) -> &HashSet<(usize, u8)> {
         &self.sheets
-    }
-
-    /// Returns the links at which populations are reflected.
-    #[must_use]
-    pub fn links(&self) -> &[Vec<FixedLink>] {
-        &self.links
     }
 
     /// Reflects populations on all links and sums the loads of this step.

@@ -2,11 +2,11 @@
 //!
 //! Cells outside the walls are blocked. Porosity is relative to the volume inside. The conductance of a face is
 //! proportional to its open area. Half-spaces cut boxes exactly, by clipping a convex polyhedron (its volume by the
-//! divergence theorem) and a convex polygon. A closed surface of triangles is sampled with `samples` lines along x per
-//! edge of a cell; a point on a line is inside if the number of crossings before it is odd.
+//! divergence theorem) and a convex polygon.
 
 use super::grid::SeepageGrid;
 use base::number::real;
+use base::vector::{cross, dot, minus};
 
 type Point = [f64; 3];
 
@@ -17,13 +17,6 @@ pub enum Enclosure {
     Everything,
     /// Points with n·x ≤ d for every (n, d), n of unit length: a convex region, cut exactly.
     HalfSpaces(Vec<(Point, f64)>),
-    /// Inside of a closed surface of triangles, by sampling. 3-D only.
-    Surface {
-        /// Corners of the triangles \[m\].
-        triangles: Vec<[Point; 3]>,
-        /// Samples along an edge of a cell.
-        samples: usize,
-    },
 }
 
 /// Minimum fraction of a cell inside the walls: other cells are blocked, because slivers conduct almost nothing and
@@ -75,7 +68,6 @@ impl Openness {
         match enclosure {
             Enclosure::Everything => {}
             Enclosure::HalfSpaces(planes) => all.clip(planes),
-            Enclosure::Surface { triangles, samples } => all.sample(triangles, (*samples).max(1)),
         }
         for fraction in &mut all.inside {
             if *fraction < MIN_OPEN {
@@ -127,66 +119,6 @@ impl Openness {
         }
     }
 
-    fn sample(&mut self, triangles: &[[Point; 3]], samples: usize) {
-        let grid = self.grid.clone();
-        let [nx, ny, nz] = grid.cells;
-        let at = |axis: usize, k: usize| {
-            let axis = grid.axis(axis);
-            let width = axis.width(k / samples);
-            match axis.faces {
-                None => axis.origin + (real(k) + 0.5) * (width / real(samples)),
-                Some(faces) => {
-                    faces[k / samples] + (real(k % samples) + 0.5) / real(samples) * width
-                }
-            }
-        };
-        let plane = |axis: usize, k: usize| grid.axis(axis).face(k);
-        let mut volume = vec![0_u32; grid.count()];
-        let mut areas: [Vec<u32>; 3] = std::array::from_fn(|a| vec![0; self.faces[a].len()]);
-        let mut crossings = Vec::new();
-        // Lines through the midpoints of the sub-cells: cells, and faces normal to x.
-        for j in 0..ny * samples {
-            for k in 0..nz * samples {
-                cross(triangles, at(1, j), at(2, k), &mut crossings);
-                let (y, z) = (j / samples, k / samples);
-                for i in 0..nx * samples {
-                    let hit = u32::from(odd_before(&crossings, at(0, i)));
-                    volume[grid.index([i / samples, y, z])] += hit;
-                }
-                for x in 0..=nx {
-                    let hit = u32::from(odd_before(&crossings, plane(0, x)));
-                    areas[0][self.face(0, [x, y, z])] += hit;
-                }
-            }
-        }
-        for (axis, other) in [(1, 2), (2, 1)] {
-            for face in 0..=grid.cells[axis] {
-                for k in 0..grid.cells[other] * samples {
-                    let mut line = [0.0; 3];
-                    line[axis] = plane(axis, face);
-                    line[other] = at(other, k);
-                    cross(triangles, line[1], line[2], &mut crossings);
-                    for i in 0..nx * samples {
-                        let mut cell = [i / samples, 0, 0];
-                        cell[axis] = face;
-                        cell[other] = k / samples;
-                        let hit = u32::from(odd_before(&crossings, at(0, i)));
-                        areas[axis][self.face(axis, cell)] += hit;
-                    }
-                }
-            }
-        }
-        let per_face = real(samples * samples);
-        for (fraction, hits) in self.inside.iter_mut().zip(volume) {
-            *fraction = f64::from(hits) / (per_face * real(samples));
-        }
-        for (fractions, hits) in self.faces.iter_mut().zip(areas) {
-            for (fraction, hits) in fractions.iter_mut().zip(hits) {
-                *fraction = f64::from(hits) / per_face;
-            }
-        }
-    }
-
     /// Closes faces next to blocked cells, and slivers.
     pub(super) fn close_faces(&mut self) {
         for axis in 0..3 {
@@ -225,27 +157,11 @@ fn rectangle(corner: Point, spacing: Point, axis: usize) -> Vec<Point> {
     vec![at(0.0, 0.0), at(1.0, 0.0), at(1.0, 1.0), at(0.0, 1.0)]
 }
 
-fn dot(a: Point, b: Point) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross_product(a: Point, b: Point) -> Point {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
-}
-
-fn minus(a: Point, b: Point) -> Point {
-    std::array::from_fn(|k| a[k] - b[k])
-}
-
 /// Returns twice the area of a convex polygon as a vector along its normal.
 fn double_area(polygon: &[Point]) -> Point {
     let mut sum = [0.0; 3];
     for k in 2..polygon.len() {
-        let part = cross_product(
+        let part = cross(
             minus(polygon[k - 1], polygon[0]),
             minus(polygon[k], polygon[0]),
         );
@@ -341,46 +257,12 @@ fn sorted_around(points: Vec<Point>, normal: Point) -> Vec<Point> {
         .unwrap_or(0);
     let mut unit = [0.0; 3];
     unit[axis] = 1.0;
-    let u = cross_product(normal, unit);
-    let v = cross_product(normal, u);
+    let u = cross(normal, unit);
+    let v = cross(normal, u);
     let angle = |x: &Point| dot(minus(*x, mean), v).atan2(dot(minus(*x, mean), u));
     let mut sorted = points;
     sorted.sort_by(|a, b| angle(a).total_cmp(&angle(b)));
     sorted
-}
-
-/// Finds the coordinates at which the line along x through (y, z) crosses the triangles, in ascending order. A line
-/// through a corner or an edge counts for one of its triangles only: edges are half open in y.
-fn cross(triangles: &[[Point; 3]], y: f64, z: f64, found: &mut Vec<f64>) {
-    found.clear();
-    for triangle in triangles {
-        let mut inside = false;
-        for k in 0..3 {
-            let (a, b) = (triangle[k], triangle[(k + 1) % 3]);
-            if (a[1] > y) == (b[1] > y) {
-                continue;
-            }
-            // Both triangles of an edge start from the same end and therefore find the same number.
-            let (a, b) = if a[1] < b[1] { (a, b) } else { (b, a) };
-            let crossing = a[2] + (y - a[1]) / (b[1] - a[1]) * (b[2] - a[2]);
-            inside ^= crossing > z;
-        }
-        if inside {
-            let normal = double_area(triangle);
-            if normal[0].abs() > 0.0 {
-                let first = triangle[0];
-                found.push(
-                    first[0]
-                        - (normal[1] * (y - first[1]) + normal[2] * (z - first[2])) / normal[0],
-                );
-            }
-        }
-    }
-    found.sort_by(f64::total_cmp);
-}
-
-fn odd_before(crossings: &[f64], x: f64) -> bool {
-    crossings.partition_point(|&c| c <= x) % 2 == 1
 }
 
 #[cfg(test)]
@@ -429,30 +311,6 @@ mod tests {
             let open = Openness::measure(&grid, &Enclosure::HalfSpaces(planes));
             assert!(total(&open) <= exact * (1.0 + 1e-12));
             assert!(total(&open) > 0.98 * exact);
-        }
-    }
-
-    #[test]
-    fn a_surface_of_triangles_agrees_with_its_half_spaces() {
-        let at = 0.1;
-        let (o, x, y, z) = ([at; 3], [0.8, at, at], [at, 0.8, at], [at, at, 0.8]);
-        let triangles = vec![[o, y, x], [o, x, z], [o, z, y], [x, y, z]];
-        let grid = grid(4);
-        let exact = Openness::measure(&grid, &Enclosure::HalfSpaces(tetrahedron()));
-        let sampled = Openness::measure(
-            &grid,
-            &Enclosure::Surface {
-                triangles,
-                samples: 40,
-            },
-        );
-        for (a, b) in exact.inside.iter().zip(&sampled.inside) {
-            assert!((a - b).abs() < 0.02, "{a} {b}");
-        }
-        for axis in 0..3 {
-            for (a, b) in exact.faces[axis].iter().zip(&sampled.faces[axis]) {
-                assert!((a - b).abs() < 0.04, "{axis}: {a} {b}");
-            }
         }
     }
 

@@ -7,6 +7,7 @@
 use super::Pressure;
 use super::cut_cells::centre_of_water;
 use super::grid::{GridAxis, SeepageGrid};
+use base::vector::norm;
 use decomposition::ExactSum;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -60,7 +61,7 @@ impl WettedSurface {
         let mut pieces = Vec::new();
         let mut water = BTreeMap::new();
         let mut add = |point: [f64; 3], area: [f64; 3]| {
-            let size = area.iter().map(|n| n * n).sum::<f64>().sqrt();
+            let size = norm(area);
             if size > 0.0 {
                 let start: [f64; 3] = std::array::from_fn(|a| point[a] + front * area[a] / size);
                 if let Some(cell) = in_front(grid, solids, (wet, &mut water), start) {

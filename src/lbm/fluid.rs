@@ -34,18 +34,38 @@ use super::turbulence::field::{Field as VelocityField, View};
 use base::thread_pool;
 use decomposition::{Communicator, Domain};
 use dispatch::{Choice, Step};
+use serde::Serialize;
 use std::ops::Range;
+
+/// Velocity set, collision operator and eddy viscosity of a fluid: the models for which a pass is compiled.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Models {
+    /// Velocity set.
+    pub lattice: VelocitySet,
+    /// Operator of the collisions.
+    pub collision: Operator,
+    /// Eddy viscosity; none if all scales are resolved.
+    pub turbulence: Option<EddyViscosity>,
+}
+
+impl Models {
+    /// Returns models without an eddy viscosity.
+    #[must_use]
+    pub fn new(lattice: VelocitySet, collision: Operator) -> Self {
+        Self {
+            lattice,
+            collision,
+            turbulence: None,
+        }
+    }
+}
 
 /// Parameters of a slab of fluid, in lattice units.
 pub struct Setup<S: Stored = f64> {
-    /// Velocity set.
-    pub set: VelocitySet,
-    /// Operator of the collisions.
-    pub operator: Operator,
+    /// Velocity set, operator and eddy viscosity.
+    pub models: Models,
     /// Relaxation time τ of the fluid without eddy viscosity, above ½.
     pub relaxation_time: f64,
-    /// Eddy viscosity; none if all scales are resolved.
-    pub turbulence: Option<EddyViscosity>,
     /// Body force on the fluid.
     pub force: Force,
     /// Number of cells of the whole domain along x, y, z.
@@ -67,6 +87,24 @@ pub struct Setup<S: Stored = f64> {
 }
 
 impl<S: Stored> Setup<S> {
+    /// Returns the parameters of a fluid without forces between no-slip walls, which the processor computes.
+    #[must_use]
+    pub fn new(models: Models, relaxation_time: f64, cells: [usize; 3]) -> Self {
+        Self {
+            models,
+            relaxation_time,
+            force: Force::None,
+            cells,
+            periodic: [false; 3],
+            patches: Vec::new(),
+            saturation: None,
+            single: false,
+            device: Device::Cpu,
+            surface_axis: None,
+            terms: Vec::new(),
+        }
+    }
+
     /// Returns the cover of the slab, if cells can be covered.
     fn cover(
         &self,
@@ -75,7 +113,7 @@ impl<S: Stored> Setup<S> {
         threads: usize,
     ) -> Option<Cover> {
         let method = self.saturation?;
-        let antisymmetric = self.operator.model().antisymmetric_rate();
+        let antisymmetric = self.models.collision.model().antisymmetric_rate();
         let antisymmetric = antisymmetric.unwrap_or(AntisymmetricRate::AsSymmetric);
         let tau = self.relaxation_time;
         let mut cover = Cover::new(populations, method, tau, antisymmetric, threads);
@@ -95,7 +133,7 @@ impl<S: Stored> Setup<S> {
         log::info!(
             "rank {rank}: lattice {:?} of {} cells, {numbers} numbers of {} bytes each; \
              this slab {cells:?}, {} bytes, {threads} threads",
-            self.set,
+            self.models.lattice,
             self.cells.iter().product::<usize>(),
             size_of::<S>(),
             cells.iter().product::<usize>() * numbers * size_of::<S>()
@@ -103,9 +141,9 @@ impl<S: Stored> Setup<S> {
         log::debug!(
             "rank {rank}: operator {:?}, relaxation time {}, eddy viscosity {:?}, force {:?}, \
              periodic {:?}, patches {:?}",
-            self.operator,
+            self.models.collision,
             self.relaxation_time,
-            self.turbulence,
+            self.models.turbulence,
             self.force,
             self.periodic,
             boundaries.names().collect::<Vec<_>>()
@@ -231,17 +269,17 @@ impl<S: Stored> Fluid<S> {
         start[split] = planes.start;
         let choice = Choice::from_setup(&setup, Level::best());
         let pass = if setup.single {
-            let pass = choice.in_single(setup.set);
+            let pass = choice.in_single();
             pass.ok_or(FluidError::NoSingle)?
         } else {
-            choice.on(setup.set)
+            choice.step()
         };
-        let describe = match setup.set {
+        let describe = match setup.models.lattice {
             VelocitySet::D2Q9 => Shared::new::<9>,
             VelocitySet::D3Q19 => Shared::new::<19>,
             VelocitySet::D3Q27 => Shared::new::<27>,
         };
-        let velocities = setup.set.velocities();
+        let velocities = setup.models.lattice.velocities();
         let order = Layout::order(velocities.dimension, cells, split, setup.surface_axis);
         let usual_order = Layout::usual(velocities.dimension, setup.cells, setup.surface_axis);
         let populations = Populations::with_order(velocities, cells, order)?;
@@ -251,7 +289,7 @@ impl<S: Stored> Fluid<S> {
             start,
             periodic: setup.periodic,
         };
-        let field = match setup.turbulence {
+        let field = match setup.models.turbulence {
             None => None,
             Some(_) => Some(VelocityField::new(&populations, &frame, &patches, domain)?),
         };
@@ -262,33 +300,23 @@ impl<S: Stored> Fluid<S> {
         let cover = setup.cover(&populations, &boundaries, threads);
         let made = setup.terms.iter();
         let added: Vec<Box<dyn Term<S>>> = made.map(|make| make(&populations, start)).collect();
-        let start_on_gpu = || {
-            let cover = cover.as_ref();
-            let terms = terms(
-                &setup.force,
-                &setup.turbulence,
-                &boundaries,
-                cover,
-                None,
-                None,
-                &added,
-            );
-            on_gpu::start(
-                &setup,
-                &populations,
-                &boundaries,
-                pass.as_ref(),
-                (cover, terms),
-                domain,
-            )
-        };
-        let gpu = match setup.device {
-            Device::Cpu => None,
-            Device::Gpu => Some(start_on_gpu()?),
-            Device::Auto => start_on_gpu()
-                .inspect_err(|why| log::info!("the fluid runs on the processor: {why}"))
-                .ok(),
-        };
+        let all = terms(
+            &setup.force,
+            &setup.models.turbulence,
+            &boundaries,
+            cover.as_ref(),
+            None,
+            None,
+            &added,
+        );
+        let gpu = on_gpu::wanted(
+            &setup,
+            &populations,
+            &boundaries,
+            pass.as_ref(),
+            (cover.as_ref(), all),
+            domain,
+        )?;
         let halo = Halo::new(&populations, domain)?;
         let mut periodic_within = setup.periodic;
         periodic_within[split] = false;
@@ -299,7 +327,7 @@ impl<S: Stored> Fluid<S> {
             populations,
             boundaries,
             halo,
-            turbulence: setup.turbulence,
+            turbulence: setup.models.turbulence,
             field,
             cover,
             surface: None,
@@ -451,22 +479,9 @@ impl<S: Stored> Fluid<S> {
         }
         self.hide_dry(true);
         // The end planes come first: their populations are sent while the interior is updated.
-        let velocity = self.field.as_mut().map_or(View::NONE, |field| field.view());
-        let cover = self
-            .cover
-            .as_mut()
-            .map_or(CoverView::NONE, CoverView::from_cover);
-        let [_, middle, fast] = self.populations.order();
-        let [round_middle, round_rows] =
-            [middle, fast].map(|axis| self.extent.periodic_within[axis]);
-        let mut shared = (self.describe)(&mut self.populations, velocity, cover, round_rows);
-        if let Some(surface) = &self.surface {
-            shared = shared.only_wet(surface.planes());
-        } else if let Some(left_out) = &self.left_out
-            && !left_out.planes.is_empty()
-        {
-            shared = shared.only_wet(&left_out.planes);
-        }
+        let shared = self.describe_pass();
+        let [_, middle, _] = self.populations.order();
+        let round_middle = self.extent.periodic_within[middle];
         self.run_ends(&shared, force);
         if let Some(field) = &mut self.field {
             field.swap();
@@ -493,6 +508,46 @@ impl<S: Stored> Fluid<S> {
         }
         self.step += 1;
         let threads = self.workers(&interior);
+        self.apply_boundaries(
+            time,
+            half,
+            unfollowed(planes, if early { threads } else { 0 }),
+        );
+        if let Some(surface) = &mut self.surface {
+            surface.clear_gas_populations(&mut self.populations);
+        }
+        self.complete_velocities(unfollowed(planes, threads));
+    }
+
+    /// Returns the data of the next pass.
+    fn describe_pass(&mut self) -> Shared<S> {
+        let velocity = self.field.as_mut().map_or(View::NONE, |field| field.view());
+        let cover = self
+            .cover
+            .as_mut()
+            .map_or(CoverView::NONE, CoverView::from_cover);
+        let [.., fast] = self.populations.order();
+        let round_rows = self.extent.periodic_within[fast];
+        let shared = (self.describe)(&mut self.populations, velocity, cover, round_rows);
+        if let Some(surface) = &self.surface {
+            shared.only_wet(surface.planes())
+        } else if let Some(left_out) = &self.left_out
+            && !left_out.planes.is_empty()
+        {
+            shared.only_wet(&left_out.planes)
+        } else {
+            shared
+        }
+    }
+
+    /// Applies the boundaries after a pass and closes openings in front of solids. `rest` are the planes whose walls no
+    /// thread has applied during the pass.
+    fn apply_boundaries(
+        &mut self,
+        time: f64,
+        half: [f64; 3],
+        rest: impl Iterator<Item = Range<usize>>,
+    ) {
         if let Some(cover) = &self.cover {
             let fraction = |cell: usize, _: [usize; 3]| cover.fraction(cell);
             self.boundaries.cover(true, fraction);
@@ -503,12 +558,8 @@ impl<S: Stored> Fluid<S> {
         }
         self.boundaries
             .measure(&self.populations, time, half, &self.communicator);
-        self.boundaries.apply(
-            &mut self.populations,
-            time,
-            half,
-            unfollowed(planes, if early { threads } else { 0 }),
-        );
+        self.boundaries
+            .apply(&mut self.populations, time, half, rest);
         if let Some(cover) = &self.cover {
             let flat = self.populations.velocities().dimension == 2;
             let solid = |cell: usize, local: [usize; 3]| {
@@ -528,10 +579,6 @@ impl<S: Stored> Fluid<S> {
             let solid = |cell: usize, _: [usize; 3]| SolidPart::at_rest(self.closed.fraction(cell));
             self.boundaries.close_covered(solid, &mut self.populations);
         }
-        if let Some(surface) = &mut self.surface {
-            surface.clear_gas_populations(&mut self.populations);
-        }
-        self.complete_velocities(unfollowed(planes, threads));
     }
 
     /// Copies populations across the middle axis in the planes of a range that cells with water have written to.
@@ -805,12 +852,6 @@ impl<S: Stored> Fluid<S> {
     #[must_use]
     pub fn periodic(&self) -> [bool; 3] {
         self.extent.periodic
-    }
-
-    /// Returns the relaxation time τ.
-    #[must_use]
-    pub fn relaxation_time(&self) -> f64 {
-        self.relaxation_time
     }
 }
 

@@ -6,6 +6,7 @@
 use super::lanes::Stored;
 use super::lattice::Velocities;
 use super::populations::Populations;
+use base::vector::dot;
 
 use base::thread_pool;
 
@@ -158,7 +159,7 @@ impl State<'_> {
     ) -> [f64; MAX_POPULATIONS] {
         let half_force = self.half_force;
         let divergence = gradient[0][0] + gradient[1][1] + gradient[2][2];
-        let uf: f64 = (0..3).map(|a| u[a] * half_force[a]).sum();
+        let uf = dot(u, half_force);
         let mut all = [0.0; MAX_POPULATIONS];
         for (i, number) in all.iter_mut().enumerate().take(self.velocities.q()) {
             let (w, c) = (self.velocities.w[i], self.velocities.c[i]);

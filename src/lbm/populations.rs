@@ -308,12 +308,6 @@ impl<S: Stored> Populations<S> {
         self.parity
     }
 
-    /// Returns the size of the memory in bytes.
-    #[must_use]
-    pub fn bytes(&self) -> usize {
-        self.memory.len() * size_of::<S>()
-    }
-
     /// Returns the length of an array with one entry per position of this layout (for flags and maps).
     #[must_use]
     pub fn cell_positions(&self) -> usize {

@@ -388,12 +388,6 @@ impl SlabSurface {
         &self.cells.kind
     }
 
-    /// Returns the number of interface cells of the slab.
-    #[must_use]
-    pub fn count(&self) -> usize {
-        self.planes.iter().map(|plane| plane.surface.len()).sum()
-    }
-
     /// Returns the number of cells with water, in whole vectors, and of interface cells of each plane of the slab.
     pub fn cells_of_planes(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
         self.planes
@@ -423,17 +417,6 @@ impl SlabSurface {
     #[must_use]
     pub fn lost_mass(&self) -> f64 {
         from_quanta(self.lost)
-    }
-
-    /// Returns the size of the memory in bytes.
-    #[must_use]
-    pub fn bytes(&self) -> usize {
-        self.cells.bytes()
-            + self.bodies.as_ref().map_or(0, |bodies| bodies.bytes())
-            + self
-                .tension
-                .as_ref()
-                .map_or(0, |tension| tension.levels.bytes())
     }
 
     /// Returns the cells that water or bodies in it have reached in the last step: those of the slab, and ghost cells

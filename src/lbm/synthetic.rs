@@ -12,14 +12,10 @@
 //!
 //! All values are functions of seed and position: they are the same on any rank, in any order, and after a restart.
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets: [m]"
-)]
-
 use base::error::{Remedy, Report, at_least, number};
 use base::random::Stream;
 use base::units::LatticeUnits;
+use base::vector::{cross, dot};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
@@ -29,10 +25,10 @@ use std::f64::consts::{PI, TAU};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Fluctuations {
-    /// Turbulence intensity: root mean square of each component over the local mean speed [1].
+    /// Turbulence intensity: root mean square of each component over the local mean speed \[1\].
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub intensity: f64,
-    /// Longitudinal integral length scale L [m]; the correlation is exp(-pi r²/(4 L²)).
+    /// Longitudinal integral length scale L \[m\]; the correlation is exp(-pi r²/(4 L²)).
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub length_scale: f64,
     /// Seed of the random numbers. Equal seeds give equal fluctuations.
@@ -156,18 +152,6 @@ impl Modes {
         }
         u
     }
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
 }
 
 fn unit(v: [f64; 3]) -> [f64; 3] {

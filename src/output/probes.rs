@@ -271,12 +271,6 @@ fn sampled_if_solved<S: Space>(
     Ok(known)
 }
 
-/// Returns the distance between two points.
-fn distance(from: [f64; 3], to: [f64; 3]) -> f64 {
-    let squared: f64 = (0..3).map(|a| (to[a] - from[a]).powi(2)).sum();
-    squared.sqrt()
-}
-
 /// Returns the unit of a volume, in 2-D per depth.
 fn volume_unit(dimension: usize) -> &'static str {
     if dimension == 2 { "m2" } else { "m3" }

@@ -268,9 +268,9 @@ fn check_floating(scene: &Scene, flow: &Flow, kind: &Kind, findings: &mut Findin
         flow.relaxation_time,
         scene.density(kind.material) / flow.density,
     );
-    let few_rates = matches!(flow.collision, Operator::Bgk(_) | Operator::Trt(_));
+    let few_rates = matches!(flow.models.collision, Operator::Bgk(_) | Operator::Trt(_));
     let thrown = few_rates
-        && flow.turbulence.is_none()
+        && flow.models.turbulence.is_none()
         && tau < THROWN_TAU
         && kind.radius < RESTS
         && ratio < NEUTRAL

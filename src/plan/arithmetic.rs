@@ -23,10 +23,10 @@ const SMALLEST: f64 = 0.001;
 /// Returns the features of a scene that have no collisions in f32.
 fn obstacles(scene: &Scene, flow: &Flow) -> Vec<String> {
     let mut all = Vec::new();
-    if !collides_in_single(flow.collision) {
-        all.push(format!("the collision {}", flow.collision.name()));
+    if !collides_in_single(flow.models.collision) {
+        all.push(format!("the collision {}", flow.models.collision.name()));
     }
-    if flow.turbulence.is_some() {
+    if flow.models.turbulence.is_some() {
         all.push("an eddy viscosity".into());
     }
     if matches!(scene.coupling, Some(Coupling::PartiallySaturated(_))) {

@@ -356,18 +356,19 @@ fn name(value: &impl Serialize) -> String {
 
 /// Adds the models of a fluid on a lattice.
 fn flow_models(scene: &Scene, flow: &Flow, used: &mut Vec<(&'static str, String)>) {
-    let lattice = match flow.lattice {
+    let lattice = match flow.models.lattice {
         VelocitySet::D2Q9 => "d2q9",
         VelocitySet::D3Q19 => "d3q19",
         VelocitySet::D3Q27 => "d3q27",
     };
     used.push(("lattice", lattice.into()));
-    used.push(("collision", flow.collision.name().into()));
+    used.push(("collision", flow.models.collision.name().into()));
     if flow.arithmetic == Precision::F32 {
         used.push(("arithmetic", "f32".into()));
     }
     used.extend(
-        flow.turbulence
+        flow.models
+            .turbulence
             .iter()
             .map(|model| ("turbulence", name(model))),
     );

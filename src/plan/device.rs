@@ -11,7 +11,7 @@ use base::error::Remedy;
 use case::coupling::Coupling;
 use case::fluid::{Device, Precision};
 use lbm::boundary::SurfaceKind;
-use lbm::fluid::kernel_exists_on_gpu;
+use lbm::fluid::{Models, kernel_exists_on_gpu};
 
 /// Returns the features of a scene that a GPU does not run yet.
 fn obstacles(scene: &Scene) -> Vec<String> {
@@ -19,7 +19,7 @@ fn obstacles(scene: &Scene) -> Vec<String> {
         return Vec::new();
     };
     let mut all = Vec::new();
-    if flow.turbulence.is_some() {
+    if flow.models.turbulence.is_some() {
         all.push("an eddy viscosity".into());
     }
     let covered = matches!(scene.coupling, Some(Coupling::PartiallySaturated(_)));
@@ -29,11 +29,12 @@ fn obstacles(scene: &Scene) -> Vec<String> {
         Precision::F64 => "f64",
         Precision::F32 => "f32",
     };
-    if !kernel_exists_on_gpu(flow.lattice, flow.collision, stored, [forced, covered]) {
+    let without_eddies = Models::new(flow.models.lattice, flow.models.collision);
+    if !kernel_exists_on_gpu(without_eddies, stored, [forced, covered]) {
         all.push(format!(
             "the collision {} on {:?} in {stored}{}{}",
-            flow.collision.name(),
-            flow.lattice,
+            flow.models.collision.name(),
+            flow.models.lattice,
             if forced { " with a body force" } else { "" },
             if covered { " with saturated cells" } else { "" },
         ));

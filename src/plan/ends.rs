@@ -24,6 +24,7 @@ use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use crate::scene::seepage::Seepage;
 use base::geometry::Vector;
+use base::vector::norm;
 use case::darcy::ZonePermeability;
 use case::geometry::{Axis, Region};
 use darcy::Condition;
@@ -226,7 +227,7 @@ fn thicknesses(seepage: &Seepage, up: usize) -> Vec<f64> {
 /// Returns the conductivity of each layer of cells along the vertical axis, in arbitrary units; none unless zones
 /// give it for all cells in layers. A box that reaches from end to end is a layer.
 fn layers(scene: &Scene, seepage: &Seepage, up: usize) -> Option<Vec<f64>> {
-    let strength = scene.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+    let strength = norm(scene.gravity);
     let conducts = seepage.written.density * strength / seepage.written.viscosity;
     let mut found = vec![None; seepage.cells[up]];
     for zone in &seepage.written.zones {

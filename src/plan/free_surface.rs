@@ -325,11 +325,11 @@ fn add_margin(
     }
     let cell = speed * scene.grid.spacing / flow.kinematic_viscosity;
     let dimension = scene.grid.dimension;
-    let eddies = flow.turbulence.is_some();
+    let eddies = flow.models.turbulence.is_some();
     let lattice_velocity = speed * flow.time_step / scene.grid.spacing;
     let limits = match cause.kind {
-        Kind::Fall => limits(&flow.collision, dimension, eddies, lattice_velocity),
-        Kind::Stream => limits_of_streams(&flow.collision, eddies, lattice_velocity),
+        Kind::Fall => limits(&flow.models.collision, dimension, eddies, lattice_velocity),
+        Kind::Stream => limits_of_streams(&flow.models.collision, eddies, lattice_velocity),
     };
     let Some(limits) = limits else {
         return;

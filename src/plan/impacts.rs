@@ -34,6 +34,7 @@ use crate::scene::sample::ListedGrain;
 use crate::scene::speed::settling;
 use base::error::Remedy;
 use base::number::{real, to_u32, whole};
+use base::vector::norm;
 use darcy::drag::GrainSize;
 use dem::contact::{ContactModel, Depth, StaticContact};
 use nalgebra::Vector3;
@@ -507,7 +508,7 @@ fn seepage_settling(scene: &Scene, one: &Moving) -> Option<f64> {
         return None;
     }
     let grain = GrainSize::new(dimension, one.radius);
-    let gravity = scene.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+    let gravity = norm(scene.gravity);
     let weight = (one.mass - written.density * grain.volume).max(0.0) * gravity;
     let law = written.drag();
     let beds = grain_beds(seepage, written.porosity_cap(), &grain);

@@ -92,7 +92,8 @@ fn check_filling(
     margins: &mut Vec<Margin>,
     findings: &mut Findings,
 ) -> bool {
-    let Some([holds, fails]) = limits(&flow.collision, flow.turbulence.is_some()) else {
+    let Some([holds, fails]) = limits(&flow.models.collision, flow.models.turbulence.is_some())
+    else {
         return false;
     };
     let inside = opening.inside;
@@ -232,7 +233,7 @@ impl Arriving {
         margins: &mut Vec<Margin>,
         findings: &mut Findings,
     ) {
-        let found = limits_of_arriving(&flow.collision, flow.turbulence.is_some());
+        let found = limits_of_arriving(&flow.models.collision, flow.models.turbulence.is_some());
         let Some(([holds, fails], _)) = found.filter(|(_, calm)| self.froude > *calm) else {
             return;
         };
@@ -274,7 +275,7 @@ impl Arriving {
     /// Returns settings with which runs finished.
     fn remedy(&self, scene: &Scene, flow: &Flow, cell: f64) -> Remedy {
         let bgk = Operator::Bgk(lbm::collision::bgk::BgkParameters {});
-        let here = limits_of_arriving(&flow.collision, flow.turbulence.is_some());
+        let here = limits_of_arriving(&flow.models.collision, flow.models.turbulence.is_some());
         let factor = here.map_or(1.0, |([holds, _], _)| cell / holds);
         let finer = format!(
             "let the water leave by an outfall (`{{\"outfall\": {{}}}}`), or use a viscosity of at least {} m2/s or a \
@@ -374,7 +375,7 @@ fn remedy(scene: &Scene, flow: &Flow, cell: f64, factor: f64) -> Remedy {
         .is_some_and(|[holds, _]| cell <= holds)
     };
     let collision = format!("{PATH}.collision");
-    let eddies = flow.turbulence.is_some();
+    let eddies = flow.models.turbulence.is_some();
     if single(eddies) {
         Remedy::from(format!("use the operator `bgk`, or {finer}"))
             .set(collision, json!({"bgk": {}}))

@@ -24,7 +24,11 @@ const FAILING_GAIN: f64 = 0.024;
 
 /// Reports a wave that grows too much over the run.
 pub(super) fn check(flow: &Flow, clock: &Clock, findings: &mut Findings) {
-    let growing = flow.collision.model().growing_wave(flow.relaxation_time);
+    let growing = flow
+        .models
+        .collision
+        .model()
+        .growing_wave(flow.relaxation_time);
     let Some(wave) = growing else { return };
     let gain = wave.factor - 1.0;
     #[allow(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
@@ -33,7 +37,7 @@ pub(super) fn check(flow: &Flow, clock: &Clock, findings: &mut Findings) {
         return;
     }
     let family = format!("{PATH}.collision");
-    let path = &format!("{family}.{}", flow.collision.name());
+    let path = &format!("{family}.{}", flow.models.collision.name());
     let reason = format!(
         "at tau = {} waves of {:.1} cells grow by {} % per step in water at rest with these rates",
         number(flow.relaxation_time),

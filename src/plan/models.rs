@@ -627,8 +627,8 @@ impl Choices<'_> {
 
     /// Adds the models of a fluid on a lattice.
     fn flow(&mut self, flow: &Flow) {
-        let operator = flow.collision.model();
-        let (name, reason) = match flow.lattice {
+        let operator = flow.models.collision.model();
+        let (name, reason) = match flow.models.lattice {
             VelocitySet::D2Q9 => ("D2Q9", "the domain is 2-D"),
             VelocitySet::D3Q19 => (
                 "D3Q19",
@@ -643,7 +643,7 @@ impl Choices<'_> {
         self.add("lattice", name, reason);
         let Description { model, reason } = operator.describe(flow.relaxation_time);
         self.add_chosen(Subject::Collision, model, reason);
-        let Description { model, reason } = flow.turbulence.map_or_else(
+        let Description { model, reason } = flow.models.turbulence.map_or_else(
             || {
                 Description::new(
                     "none",

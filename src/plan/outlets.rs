@@ -21,6 +21,7 @@ use crate::scene::boundaries::ScenePatch;
 use crate::scene::findings::{Findings, number};
 use crate::scene::flow::{Flow, PATH};
 use crate::scene::speed::{imposed_on_fluid, settling};
+use base::vector::norm;
 use lbm::boundary::{Condition, Inflow};
 use std::f64::consts::PI;
 
@@ -292,11 +293,10 @@ fn time_at_outlet(scene: &Scene, flow: &Flow, outlet: &ScenePatch, body: &NamedB
             .max(0.0)
     };
     let way = (0..grid.dimension).map(gap).fold(0.0, f64::hypot) - body.radius;
-    let size = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
     let speeds = imposed_on_fluid(flow).into_iter().map(|speed| speed.value);
-    let of_water = speeds.fold(size(body.velocity), f64::max);
+    let of_water = speeds.fold(norm(body.velocity), f64::max);
     let falls = settling::body_settling_speed(scene, flow, width(body), body.material);
-    let pull = outward * scene.gravity[axis] / size(scene.gravity).max(f64::MIN_POSITIVE);
+    let pull = outward * scene.gravity[axis] / norm(scene.gravity).max(f64::MIN_POSITIVE);
     let heavy = if scene.density(body.material) > flow.density {
         pull
     } else {

@@ -13,6 +13,7 @@ use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use crate::scene::seepage::{PATH, Seepage};
 use base::error::Remedy;
+use base::vector::{dot, norm};
 use case::darcy::{InitialState, ZonePermeability};
 use darcy::{Condition, Openness};
 
@@ -112,7 +113,7 @@ fn units(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
                 .set(format!("{PATH}.density"), 1000.0),
         );
     }
-    let strength = scene.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+    let strength = norm(scene.gravity);
     if strength <= 0.0 {
         return;
     }
@@ -153,7 +154,7 @@ fn units(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
 /// Reports heads relative to a level other than the origin, and gravity with the wrong sign.
 fn heads(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
     let (gravity, dimension) = (scene.gravity, scene.grid.dimension);
-    let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+    let strength = norm(gravity);
     let mut heads = (seepage.patches.iter().enumerate())
         .filter_map(|(n, patch)| match patch.condition {
             Condition::Head { value } => Some((n, patch, value)),
@@ -252,7 +253,7 @@ struct Held {
 fn short_circuits(scene: &Scene, seepage: &Seepage, openness: &Openness, findings: &mut Findings) {
     let (grid, gravity, dimension) = (&openness.grid, scene.gravity, scene.grid.dimension);
     let density = seepage.written.density;
-    let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+    let strength = norm(gravity);
     let drop = seepage.pressure_drop(gravity);
     if drop <= 0.0 {
         return;
@@ -303,7 +304,7 @@ fn short_circuits(scene: &Scene, seepage: &Seepage, openness: &Openness, finding
             }
             let mut at = grid.centre(cell);
             at[axis] += if upper { 0.5 } else { -0.5 } * grid.width(axis, cell);
-            let weight: f64 = (0..3).map(|a| gravity[a] * at[a]).sum();
+            let weight = dot(gravity, at);
             of_face[index] = match patch.condition {
                 Condition::Pressure { value } => Some(value - density * weight),
                 Condition::Head { value } => Some(density * strength * value),

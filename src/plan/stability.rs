@@ -79,7 +79,7 @@ fn links_at_faces(scene: &Scene, flow: &Flow, path: &str, cell: f64, findings: &
     if !interpolated || scene.polyhedra().next().is_none() {
         return;
     }
-    let fails = flow.collision.model().fails_at_faces();
+    let fails = flow.models.collision.model().fails_at_faces();
     if cell >= fails {
         findings.unstable(
             path,
@@ -110,13 +110,13 @@ pub(super) fn check(
         let cell = speed.value * scene.grid.spacing / flow.kinematic_viscosity;
         links_at_faces(scene, flow, &speed.path, cell, findings);
     }
-    let model = flow.collision.model();
+    let model = flow.models.collision.model();
     let through = speed::through_the_fluid(scene, flow).zip(scene.coupling.as_ref());
     let of_moving = through.and_then(|(speed, coupling)| {
         let body = MovingBody {
             links: matches!(coupling, Coupling::BounceBack(_)),
             dimension: scene.grid.dimension,
-            eddies: flow.turbulence.is_some(),
+            eddies: flow.models.turbulence.is_some(),
         };
         Some((speed, model.border_of_moving(&body)?))
     });
@@ -129,10 +129,10 @@ pub(super) fn check(
     };
     speeds.extend(speed::of_bodies(scene, of_moving.is_some()));
     let situation = Situation {
-        velocities: flow.lattice,
+        velocities: flow.models.lattice,
         surroundings: surroundings(flow),
         lid_meets_wall: lid_meets_wall(flow),
-        eddies: flow.turbulence.is_some(),
+        eddies: flow.models.turbulence.is_some(),
     };
     let of_surroundings = fastest(speeds).zip(model.border(&situation));
     for (speed, border) in of_surroundings.into_iter().chain(of_moving) {

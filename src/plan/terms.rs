@@ -54,7 +54,7 @@ pub(super) fn check(
                 ),
             ),
         );
-    } else if flow.turbulence.is_some() && flow.time_step > limit.with_eddies {
+    } else if flow.models.turbulence.is_some() && flow.time_step > limit.with_eddies {
         findings.warn(
             &format!("{PATH}.{}", flow.fixed_by),
             format!(

@@ -226,29 +226,20 @@ fn part<S: Stored>(plan: &Plan, flow: &Flow, parts: usize) -> Option<(Fluid<S>, 
     let mut cells = plan.scene.grid.cells;
     let split = plan.scene.grid.split_axis.min(2);
     cells[split] = cells[split].div_ceil(parts);
-    while cells.iter().product::<usize>() * flow.lattice.count() > POPULATIONS {
+    while cells.iter().product::<usize>() * flow.models.lattice.count() > POPULATIONS {
         let longest = (0..3).max_by_key(|a| cells[*a]).unwrap_or(0);
         cells[longest] = cells[longest].div_ceil(2);
     }
     let forced = plan.scene.gravity.iter().any(|g| *g != 0.0);
     let setup = Setup {
-        set: flow.lattice,
-        operator: flow.collision,
-        turbulence: flow.turbulence,
-        relaxation_time: flow.relaxation_time,
         force: if forced {
             Force::Constant([1e-9, 0.0, 0.0])
         } else {
             Force::None
         },
-        cells,
         periodic: [false, false, plan.scene.grid.dimension == 2],
-        patches: Vec::new(),
-        saturation: None,
         single: flow.arithmetic == Precision::F32,
-        device: lbm::gpu::Device::Cpu,
-        surface_axis: None,
-        terms: Vec::new(),
+        ..Setup::new(flow.models, flow.relaxation_time, cells)
     };
     let axis = [SplitAxis::X, SplitAxis::Y, SplitAxis::Z][plan.scene.grid.split_axis.min(2)];
     let domain = Domain::serial(axis, cells[plan.scene.grid.split_axis], false);

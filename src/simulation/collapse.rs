@@ -24,11 +24,12 @@ use analysis::ground_collapse::record::{
 use analysis::ground_collapse::stages::{Evidence, NAMES, Stages, Thresholds};
 use base::error::Error;
 use base::number::real;
+use base::vector::norm;
 use darcy::overlap::sphere_box;
 use decomposition::{Domain, ExactSum};
 use dem::space::Space;
 use figures::ground_collapse as figures;
-use gathered::{gather, in_frame, length};
+use gathered::{gather, in_frame};
 use plan::Plan;
 use plan::interval::Interval;
 use plan::scene::collapse::GroundCollapse;
@@ -482,7 +483,7 @@ impl CollapseRecorder {
         grains: &[MeasuredGrain],
         bonds: &[[u64; 2]],
     ) -> Result<(), Error> {
-        let away = grains.iter().filter(|grain| length(grain.moved) > loose);
+        let away = grains.iter().filter(|grain| norm(grain.moved) > loose);
         let ids: Vec<u64> = away.map(|grain| grain.id).collect();
         let groups = clusters(&ids, bonds);
         let left = sizes_of_left(&self.state.left, &self.state.blocks);

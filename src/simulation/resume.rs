@@ -195,7 +195,7 @@ fn expected(plan: &Plan, changed: bool, stage: &Stage) -> checkpoint::Expected {
         };
         checkpoint::ExpectedPopulations {
             cells: scene.grid.cells,
-            velocities: flow.lattice.count(),
+            velocities: flow.models.lattice.count(),
             bytes,
         }
     });

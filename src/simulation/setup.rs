@@ -48,9 +48,7 @@ pub fn fluid<S: Stored>(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Resul
         patches.push(self::patch(plan, patch, &openings, units)?);
     }
     Ok(Setup {
-        set: flow.lattice,
-        operator: flow.collision,
-        turbulence: flow.turbulence,
+        models: flow.models,
         relaxation_time: flow.relaxation_time,
         force: force(plan, flow, units),
         cells: grid.cells,

@@ -30,6 +30,7 @@ pub mod images;
 pub mod mesh;
 mod solid;
 
+use base::vector::{cross, dot, minus, norm, plus, times};
 pub use facets::Facets;
 pub use images::Images;
 pub use polygon::{crossing, edges_that_meet};
@@ -93,34 +94,6 @@ fn only_in(
         );
     }
     fits
-}
-
-fn minus(a: Point, b: Point) -> Point {
-    std::array::from_fn(|k| a[k] - b[k])
-}
-
-fn plus(a: Point, b: Point) -> Point {
-    std::array::from_fn(|k| a[k] + b[k])
-}
-
-fn times(a: Point, by: f64) -> Point {
-    a.map(|x| x * by)
-}
-
-fn dot(a: Point, b: Point) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: Point, b: Point) -> Point {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
-}
-
-fn norm(a: Point) -> f64 {
-    dot(a, a).sqrt()
 }
 
 #[cfg(test)]

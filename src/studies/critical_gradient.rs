@@ -13,6 +13,7 @@
 use crate::section::{Bracket, Round, Section, Tolerance};
 use analysis::erosion_law::{RemovedGrain, read_rows};
 use base::error::{Error, Problem, Verdict};
+use base::vector::{distance, dot, norm};
 use case::Document;
 use darcy::Condition;
 use decomposition::Communicator;
@@ -172,7 +173,7 @@ struct Heads<'a> {
 
 impl<'a> Heads<'a> {
     fn new(gravity: [f64; 3], seepage: &'a Seepage) -> Self {
-        let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+        let strength = norm(gravity);
         let per_volume = if strength > 0.0 { strength } else { 9.80665 };
         Self {
             seepage,
@@ -184,7 +185,7 @@ impl<'a> Heads<'a> {
 
     fn elevation(&self, at: [f64; 3]) -> f64 {
         if self.strength > 0.0 {
-            -(0..3).map(|a| at[a] * self.gravity[a]).sum::<f64>() / self.strength
+            -dot(at, self.gravity) / self.strength
         } else {
             0.0
         }
@@ -320,8 +321,7 @@ fn lowest(
         .filter(|(n, _)| *n != inlet);
     let outlets = others.filter_map(|(_, patch)| {
         let to = seepage.centre(patch);
-        let squared: f64 = (0..3).map(|a| (to[a] - from[a]).powi(2)).sum();
-        head(patch).map(|head| [head, squared.sqrt()])
+        head(patch).map(|head| [head, distance(from, to)])
     });
     outlets.min_by(|a, b| a[0].total_cmp(&b[0]))
 }

@@ -266,9 +266,9 @@ fn what_is_stated_is_taken() {
     let flow = stated.scene.flow.as_ref().unwrap();
     assert_eq!(stated.scene.grid.cells, [220, 41, 1]);
     approx::assert_relative_eq!(flow.relaxation_time, 0.6);
-    assert!(flow.turbulence.is_none());
+    assert!(flow.models.turbulence.is_none());
     assert!(matches!(
-        flow.collision,
+        flow.models.collision,
         solver::case::fluid::Collision::Bgk(_)
     ));
     for what in [

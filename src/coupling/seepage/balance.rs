@@ -2,7 +2,7 @@
 
 use super::Seepage;
 use super::medium::pores_of;
-use super::water::size;
+use base::vector::norm;
 use decomposition::ExactSum;
 use dem::space::Space;
 
@@ -62,7 +62,7 @@ impl<Sp: Space> Seepage<Sp> {
             first_speed: speed,
             ..Extremes::default()
         });
-        let water = self.water.flux.iter().map(|q| size(*q)).fold(0.0, f64::max);
+        let water = self.water.flux.iter().map(|q| norm(*q)).fold(0.0, f64::max);
         self.extremes = Some(Extremes {
             closure: before.closure.max(self.balance.closure),
             reynolds: before.reynolds.max(self.balance.reynolds),
@@ -115,7 +115,7 @@ impl<Sp: Space> Seepage<Sp> {
         };
         let liquid = self.settings.liquid;
         for cell in (0..self.grid().count()).filter(|cell| self.counts(*cell)) {
-            let speed = size(self.slip(cell));
+            let speed = norm(self.slip(cell));
             let number = liquid.density * speed * self.pores.diameter()[cell] / liquid.viscosity;
             balance.reynolds = balance.reynolds.max(number);
         }

@@ -8,6 +8,7 @@ use super::parts::{GrainLoad, NUMBERS, Share, Term, UNITS};
 use super::water::{Ground, Water};
 use super::{SeepageSettings, components};
 use base::number::real;
+use base::vector::norm;
 use darcy::drag::{DragFormula, GrainSize};
 use darcy::resistance::larger;
 use darcy::{Equations, power_above, resistance};
@@ -141,7 +142,7 @@ pub(super) fn fill<Sp: Space>(
             };
             let slip: [f64; 3] =
                 std::array::from_fn(|a| ground.flux[a] - ground.measure * velocity[a]);
-            let speed = slip.iter().map(|u| u * u).sum::<f64>().sqrt();
+            let speed = norm(slip);
             let [drag, reaction] = laws.coefficients(ground, &grain, speed);
             // Ratio of the interval to the time in which drag stops a bed.
             let strongest = drag.iter().copied().fold(0.0, f64::max);

@@ -2,10 +2,11 @@
 //! equations.
 
 use super::bed::{self, Laws, Sum};
-use super::water::{Ground, Secant, size};
+use super::water::{Ground, Secant};
 use super::{FILLED, Seepage, components, failed};
 use base::error::Error;
 use base::thread_pool;
+use base::vector::norm;
 use darcy::drag::gidaspow::dense_share;
 use darcy::drag::{self, GrainSize};
 use darcy::open_water::{openness, rise};
@@ -141,7 +142,7 @@ impl<Sp: Space> Seepage<Sp> {
     fn compute_weights(&mut self) {
         let (mut steepest, mut fastest) = (0.0_f64, 0.0_f64);
         for cell in 0..self.water.flux.len() {
-            let (slip, drag) = (size(self.slip(cell)), self.sums.cell(cell).drag[0]);
+            let (slip, drag) = (norm(self.slip(cell)), self.sums.cell(cell).drag[0]);
             let volume = self.openness.volume(cell);
             let loss = if drag > 0.0 {
                 drag * slip / volume
@@ -149,12 +150,12 @@ impl<Sp: Space> Seepage<Sp> {
                 0.0
             };
             steepest = steepest.max(self.water.steepness[cell]).max(loss);
-            fastest = fastest.max(size(self.water.flux[cell])).max(slip);
+            fastest = fastest.max(norm(self.water.flux[cell])).max(slip);
         }
         let of = |part: f64, whole: f64| if whole > 0.0 { part / whole } else { 1.0 };
         let water = &mut self.water;
         for (cell, weight) in water.weight.iter_mut().enumerate() {
-            let speed = of(size(water.flux[cell]), fastest);
+            let speed = of(norm(water.flux[cell]), fastest);
             *weight = of(water.steepness[cell], steepest).max(speed);
         }
     }
@@ -514,7 +515,7 @@ impl<Sp: Space> Seepage<Sp> {
                 let (duct, used) = (self.water.channels.duct(cell, 0), self.water.speed[cell]);
                 let (liquid, rough) = (self.settings.liquid, self.water.roughness);
                 let slope = slope(|speed| duct.resistance(liquid, rough, speed), used);
-                self.water.speed[cell] = self.water.friction[cell].next(used, size(found), slope);
+                self.water.speed[cell] = self.water.friction[cell].next(used, norm(found), slope);
             }
         }
         self.water.ground = grounds;
@@ -530,7 +531,7 @@ impl<Sp: Space> Seepage<Sp> {
         let mean = sum.mean();
         let slip = |flux: [f64; 3]| std::array::from_fn(|a| flux[a] - mean[a]);
         let (used, new): ([f64; 3], [f64; 3]) = (slip(ground.flux), slip(found));
-        let (used_speed, new_speed) = (size(used), size(new));
+        let (used_speed, new_speed) = (norm(used), norm(new));
         let laws = self.laws();
         let grain = GrainSize::new(self.openness.grid.dimension, 0.5 * ground.packing.1);
         let slope = slope(|speed| laws.reaction(ground, &grain, speed), used_speed);
@@ -543,7 +544,7 @@ impl<Sp: Space> Seepage<Sp> {
         let moved: [f64; 3] = std::array::from_fn(|a| new[a] - used[a]);
         ground.flux = std::array::from_fn(|a| mean[a] + factor * new[a]);
         let here = laws.reaction(ground, &grain, used_speed);
-        let nearby = laws.reaction(ground, &grain, used_speed + size(moved));
+        let nearby = laws.reaction(ground, &grain, used_speed + norm(moved));
         (nearby / here - 1.0).abs()
     }
 
@@ -554,7 +555,7 @@ impl<Sp: Space> Seepage<Sp> {
             return 0.0;
         };
         let grain = GrainSize::new(self.openness.grid.dimension, 0.5 * ground.packing.1);
-        let b = self.laws().reaction(ground, &grain, size(self.slip(cell)));
+        let b = self.laws().reaction(ground, &grain, norm(self.slip(cell)));
         self.settings.liquid.viscosity * ground.factor * grain.volume / b
     }
 
@@ -571,7 +572,7 @@ impl<Sp: Space> Seepage<Sp> {
              the highest velocity is in the cell at ({x:.6}, {y:.6}, {z:.6}) m: {:.3e} m/s at a porosity of \
              {:.3}. Use a larger `fluid.darcy.tolerance` (up to 1e-4), larger cells, or a smaller \
              `fluid.darcy.coupling_interval`",
-            size(self.water.flux[worst]),
+            norm(self.water.flux[worst]),
             self.pores.porosity()[worst]
         )
     }

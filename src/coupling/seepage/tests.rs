@@ -1,5 +1,6 @@
 use super::*;
 use base::number;
+use base::vector::norm;
 use darcy::drag::{BedConditions, GrainSize};
 use darcy::{
     Condition, Enclosure, MeanDiameter, PorosityMethod, PressurePatch, PressureSettings, Resistance,
@@ -287,15 +288,14 @@ fn momentum_closes_with_the_resistance_of_ergun() {
     println!("inflow {} {slower}", seepage.report().inflow);
     assert!(seepage.report().inflow < 0.8 * slower);
     for cell in 0..seepage.grid().count() {
-        let size = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
         let (eps, d) = (
             seepage.pores().porosity()[cell],
             seepage.pores().diameter()[cell],
         );
-        let q = size(seepage.water_velocity(cell));
+        let q = norm(seepage.water_velocity(cell));
         let loss = 150.0 * (1.0 - eps).powi(2) * 1e-3 * q / (eps.powi(3) * d * d)
             + 1.75 * (1.0 - eps) * 1000.0 * q * q / (eps.powi(3) * d);
-        let gradient = size(seepage.pressure().reduced_gradient(cell));
+        let gradient = norm(seepage.pressure().reduced_gradient(cell));
         assert!((loss / gradient - 1.0).abs() < 1e-9, "{loss} {gradient}");
     }
 }

@@ -1,5 +1,6 @@
 //! Water of all cells: laws of the drag, flux, and the iteration for both.
 
+use base::vector::norm;
 use darcy::drag::BedConditions;
 use darcy::open_water::{Face, OpenWater};
 use darcy::{Condition, Pressure, SeepageGrid};
@@ -117,7 +118,7 @@ impl Water {
     /// Computes the magnitudes of the gradients of a restored run.
     pub(super) fn update_gradient_magnitudes(&mut self) {
         for (steepness, gradient) in self.steepness.iter_mut().zip(&self.gradient) {
-            *steepness = size(*gradient);
+            *steepness = norm(*gradient);
         }
     }
 }
@@ -150,9 +151,4 @@ impl Secant {
         let response = self.response.unwrap_or(-slope).clamp(-slope, 0.0);
         ((found - response * used) / (1.0 - response)).exp()
     }
-}
-
-/// Returns the magnitude of a vector.
-pub(super) fn size(vector: [f64; 3]) -> f64 {
-    vector.iter().map(|x| x * x).sum::<f64>().sqrt()
 }

@@ -5,6 +5,7 @@ use crate::enclosure::Openness;
 use crate::grid::SeepageGrid;
 use crate::layout::Layout;
 use crate::multigrid::{Ground, cuts};
+use base::vector::{dot, norm};
 use decomposition::{ExactSum, Slabs, SplitAxis};
 
 /// Boundary face of the grid, or of a drain in it, that may be crossed.
@@ -54,7 +55,7 @@ impl Boundary {
 /// Returns the reduced pressure of a head: rho g h \[Pa\].
 pub(super) fn head_pressure(liquid: &Liquid, settings: &PressureSettings, head: f64) -> f64 {
     let g = settings.gravity;
-    liquid.density * (g[0] * g[0] + g[1] * g[1] + g[2] * g[2]).sqrt() * head
+    liquid.density * norm(g) * head
 }
 
 /// Returns the slabs along the longest axis, cut between cells that the coarser grid merges.
@@ -82,9 +83,7 @@ pub(super) fn boundary(
         let mut centre = grid.centre(cell);
         centre[axis] += if upper { 0.5 } else { -0.5 } * grid.width(axis, cell);
         let lift = match settings.equations {
-            Equations::Corrected => {
-                -liquid.density * (0..3).map(|a| gravity[a] * centre[a]).sum::<f64>()
-            }
+            Equations::Corrected => -liquid.density * dot(gravity, centre),
             Equations::Paper => 0.0,
         };
         let outward = if upper { 1.0 } else { -1.0 };

@@ -52,6 +52,7 @@ use super::boundary::Boundary;
 use super::{Condition, Medium, Pressure, SolutionReport};
 use crate::retention::{Mean, Retention, RetentionLaw, Side, mean};
 use crate::{SeepageError, multigrid};
+use base::vector::{dot, norm};
 use newton::Krylov;
 pub(super) use transient::EXTRA_NUMBERS;
 use transient::Transient;
@@ -221,12 +222,12 @@ impl Pressure {
         let (grid, layout) = (&self.slab.grid, self.slab.layout);
         let n = layout.len();
         let gravity = self.settings.gravity;
-        let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+        let strength = norm(gravity);
         let up = gravity.map(|g| -g / strength);
         let mut elevation = vec![0.0; n];
         for cell in 0..grid.count() {
             let centre = grid.centre(grid.cell(cell));
-            elevation[layout.position(grid.cell(cell))] = (0..3).map(|a| up[a] * centre[a]).sum();
+            elevation[layout.position(grid.cell(cell))] = dot(up, centre);
         }
         log::info!("ground that is saturated in part: {soil:?}");
         self.unsaturated = Some(Box::new(Unsaturated {

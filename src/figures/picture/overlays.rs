@@ -4,6 +4,7 @@ use super::{Frame, Raster, Section, failed};
 use crate::svg::{Svg, add_segment};
 use base::error::Error;
 use base::number::{real, whole};
+use base::vector::norm;
 use io::fields::read_column;
 use std::path::Path;
 
@@ -19,10 +20,6 @@ pub(super) struct Arrows {
     pub(super) vectors: Vec<[f64; 3]>,
     pub(super) quantity: String,
     pub(super) units: String,
-}
-
-fn length(v: [f64; 3]) -> f64 {
-    v.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
 impl Arrows {
@@ -42,7 +39,7 @@ impl Arrows {
     }
 
     pub(super) fn longest(&self) -> f64 {
-        let lengths = self.vectors.iter().map(|v| length(*v));
+        let lengths = self.vectors.iter().map(|v| norm(*v));
         lengths.filter(|l| l.is_finite()).fold(0.0, f64::max)
     }
 
@@ -113,7 +110,7 @@ impl Network {
         let away = |p: &[f64; 3]| p[section.axis] - section.at;
         let near: Vec<bool> = (self.ends.iter())
             .map(|[a, b]| {
-                let size = length(std::array::from_fn(|axis| a[axis] - b[axis]));
+                let size = norm(std::array::from_fn(|axis| a[axis] - b[axis]));
                 away(a) * away(b) <= 0.0 || away(a).abs().min(away(b).abs()) < 0.5 * size
             })
             .collect();

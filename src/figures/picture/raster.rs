@@ -4,6 +4,7 @@ use super::faces::Faces;
 use super::{PAPER, Scene, ViewDirection, Water, fraction_of_range, water_colour};
 use base::error::Error;
 use base::number::{real, whole};
+use base::vector::dot;
 
 /// Rectangle that a panel shows, and the directions of its axes.
 pub(super) struct Frame {
@@ -13,10 +14,6 @@ pub(super) struct Frame {
     pub(super) near: [f64; 3],
     pub(super) low: [f64; 2],
     pub(super) high: [f64; 2],
-}
-
-pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 impl Frame {

@@ -4,8 +4,9 @@
 //! between facets that are nearly in one plane are left out, unless they are the outline that the viewer sees.
 
 use super::faces::Faces;
-use super::raster::{Frame, Raster, dot};
+use super::raster::{Frame, Raster};
 use base::number::{real, whole};
+use base::vector::dot;
 use std::collections::BTreeMap;
 
 /// Colour of walls and of their edges.

@@ -30,11 +30,6 @@
 //! f_j(x, t) is read from the lattice before each pass, so that a restart needs only the value stored for the
 //! plane wave.
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets: [m]"
-)]
-
 use super::links::{LINKS_PER_THREAD, each_part, sums};
 use super::sound::{Forecast, PlaneWave, Sums};
 use super::{
@@ -59,8 +54,8 @@ pub struct ConvectiveOutflow {
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub velocity: Option<f64>,
-    /// Mean pressure over the face above the reference [Pa]. Default: 0 if no opening imposes a pressure; otherwise the
-    /// flow determines the pressure.
+    /// Mean pressure over the face above the reference \[Pa\]. Default: 0 if no opening imposes a pressure; otherwise
+    /// the flow determines the pressure.
     #[serde(default)]
     pub mean_pressure: Option<f64>,
 }
@@ -464,7 +459,7 @@ mod tests {
     use super::ConvectiveOutflowLinks;
     use crate::boundary::{Patch, Rule, velocity};
     use crate::collision::{Operator, trt};
-    use crate::fluid::{Fluid, Force, Setup};
+    use crate::fluid::{Fluid, Models, Setup};
     use crate::lattice::VelocitySet;
     use decomposition::{Domain, SplitAxis};
 
@@ -481,20 +476,11 @@ mod tests {
         };
         let inlet = Box::new(velocity::VelocityLinks::uniform([SPEED, 0.0, 0.0]));
         let cells = [length, CELLS[1], 1];
+        let trt = Operator::Trt(trt::TrtParameters { magic: 3.0 / 16.0 });
         let setup = Setup {
-            set: VelocitySet::D2Q9,
-            operator: Operator::Trt(trt::TrtParameters { magic: 3.0 / 16.0 }),
-            relaxation_time: 0.53,
-            turbulence: None,
-            force: Force::None,
-            cells,
             periodic: [false, true, true],
             patches: vec![patch(false, inlet), patch(true, outlet)],
-            saturation: None,
-            single: false,
-            device: crate::gpu::Device::Cpu,
-            surface_axis: None,
-            terms: Vec::new(),
+            ..Setup::new(Models::new(VelocitySet::D2Q9, trt), 0.53, cells)
         };
         Fluid::new(setup, &Domain::serial(SplitAxis::X, length, false)).unwrap()
     }

@@ -1,11 +1,6 @@
 //! Discharge of water with a free surface through the wet area of a face
 //! ([`crate::surface::Outside::Discharge`]).
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets: [m]"
-)]
-
 use super::outfall::Links;
 use super::profile::ReadTable;
 use super::{BoundaryKind, BoundaryModel, Place, Rule, Site, Strength, SurfaceKind, WithSurface};
@@ -27,8 +22,8 @@ pub struct Discharge {
     /// Discharge into the domain [m3/s; in 2-D m2/s], 0 or more.
     #[schemars(range(min = 0.0))]
     pub value: f64,
-    /// Table of times [s] and discharges [m3/s; in 2-D m2/s] that replace the value: linear between the rows, constant
-    /// before and after; two values at one time are a jump. Default: constant.
+    /// Table of times \[s\] and discharges [m3/s; in 2-D m2/s] that replace the value: linear between the rows,
+    /// constant before and after; two values at one time are a jump. Default: constant.
     #[serde(default)]
     pub history: Option<Vec<[f64; 2]>>,
 }

@@ -1,11 +1,6 @@
 //! Water at a level outside a face: inflow, outflow or tailwater of water with a free surface
 //! ([`crate::surface::Outside::Level`]).
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets: [m]"
-)]
-
 use super::outfall::Links;
 use super::profile::ReadTable;
 use super::{BoundaryKind, BoundaryModel, Place, Rule, Site, Strength, SurfaceKind, WithSurface};
@@ -24,10 +19,10 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct Level {
-    /// Level outside [m] along the axis of gravity, measured from the lower corner of the domain.
+    /// Level outside \[m\] along the axis of gravity, measured from the lower corner of the domain.
     pub value: f64,
-    /// Table of times [s] and levels [m] that replace the value: linear between the rows, constant before and after;
-    /// two levels at one time are a jump. Default: constant.
+    /// Table of times \[s\] and levels \[m\] that replace the value: linear between the rows, constant before and
+    /// after; two levels at one time are a jump. Default: constant.
     #[serde(default)]
     pub history: Option<Vec<[f64; 2]>>,
 }

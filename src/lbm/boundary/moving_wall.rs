@@ -1,10 +1,5 @@
 //! A wall that moves in its own plane: half-way bounce-back with the velocity of the wall ([`super::wall`]).
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets: [m]"
-)]
-
 use super::profile::ReadTable;
 use super::{
     BoundaryKind, BoundaryModel, ImposedSpeed, Place, Ramp, Rule, Site, Strength, SurfaceKind,
@@ -25,8 +20,8 @@ use serde::{Deserialize, Serialize};
 pub struct MovingWall {
     /// Velocity of the wall, tangential to the face [m/s].
     pub velocity: Vector,
-    /// Table of times [s], counted from the first fluid step, warm-up included, and factors of the velocity [1]: linear
-    /// between the rows, constant before and after; two factors at one time are a jump. Default: constant.
+    /// Table of times \[s\], counted from the first fluid step, warm-up included, and factors of the velocity \[1\]:
+    /// linear between the rows, constant before and after; two factors at one time are a jump. Default: constant.
     #[serde(default)]
     pub history: Option<Vec<[f64; 2]>>,
 }

@@ -3,11 +3,6 @@
 //! The rule is of first order. The pressure floats, or its mean is imposed. It is the convective outflow with an
 //! infinite velocity ([`super::convective_outflow`]), and reflects waves less than an imposed pressure.
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets: [m]"
-)]
-
 use super::convective_outflow::{Carried, ConvectiveOutflowLinks, none_imposes_pressure};
 use super::{BoundaryKind, BoundaryModel, Opening, Place, Rule};
 use crate::lanes::Stored;
@@ -21,8 +16,8 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct Outflow {
-    /// Mean pressure over the face above the reference [Pa]. Default: 0 if no opening imposes a pressure; otherwise the
-    /// flow determines the pressure.
+    /// Mean pressure over the face above the reference \[Pa\]. Default: 0 if no opening imposes a pressure; otherwise
+    /// the flow determines the pressure.
     #[serde(default)]
     pub mean_pressure: Option<f64>,
 }

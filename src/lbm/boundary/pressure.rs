@@ -12,11 +12,6 @@
 //! second order. The normal velocity of the cell u_n enters only squared. The rule needs no special corner nodes,
 //! in two or three dimensions.
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets: [m]"
-)]
-
 use super::convective_outflow::{self, Carried};
 use super::links::{LINKS_PER_THREAD, each_part, sums};
 use super::profile::ReadTable;
@@ -42,14 +37,14 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct Pressure {
-    /// Pressure above the reference [Pa].
+    /// Pressure above the reference \[Pa\].
     pub value: f64,
     /// Linear change to `value`. Default: the pressure acts at once, which causes a pressure wave.
     #[serde(default)]
     pub ramp: Option<Change>,
-    /// Table of times [s], counted from the first fluid step, warm-up included, and pressures [Pa] that replace `value`
-    /// and `ramp`: linear between the rows, constant before and after; two pressures at one time are a jump. Default:
-    /// none.
+    /// Table of times \[s\], counted from the first fluid step, warm-up included, and pressures \[Pa\] that replace
+    /// `value` and `ramp`: linear between the rows, constant before and after; two pressures at one time are a jump.
+    /// Default: none.
     #[serde(default)]
     pub history: Option<Vec<[f64; 2]>>,
     /// Behaviour of the opening for sound. `absorb` lets plane waves out; `value` is then imposed as a mean over
@@ -84,10 +79,10 @@ pub enum Held {
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "Ramp")]
 pub struct Change {
-    /// Duration of the change [s], counted from the first fluid step, warm-up included.
+    /// Duration of the change \[s\], counted from the first fluid step, warm-up included.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub duration: f64,
-    /// Initial pressure [Pa].
+    /// Initial pressure \[Pa\].
     #[serde(default)]
     pub from: f64,
 }

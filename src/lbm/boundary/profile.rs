@@ -1,15 +1,11 @@
 //! Velocity profile over a face: uniform, parabolic, a wall law, or a table.
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets: [m]"
-)]
-
 use super::site::{Place, Site};
 use base::error::Report;
 use base::geometry::UniformVelocity;
 use base::number::real;
 use base::units::LatticeUnits;
+use base::vector::dot;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -39,7 +35,7 @@ pub enum VelocityProfile {
     PowerLaw {
         /// Mean velocity over the patch [m/s]. A positive value flows into the domain.
         mean: f64,
-        /// Exponent [1]: one seventh in smooth ducts at Reynolds numbers near 1e5 (Schlichting 1979).
+        /// Exponent \[1\]: one seventh in smooth ducts at Reynolds numbers near 1e5 (Schlichting 1979).
         #[serde(default = "seventh")]
         #[schemars(range(min = 0, max = 1))]
         exponent: f64,
@@ -50,14 +46,14 @@ pub enum VelocityProfile {
     LogLaw {
         /// Mean velocity over the patch [m/s]. A positive value flows into the domain.
         mean: f64,
-        /// Equivalent sand roughness k [m].
+        /// Equivalent sand roughness k \[m\].
         #[schemars(extend("exclusiveMinimum" = 0))]
         roughness: f64,
     },
     /// Velocities from a table in a file.
     File {
         /// Table, relative to the case, whose first line names the columns: the tangential coordinates (`y` and, in
-        /// 3-D, `z` on a face across x) [m] and the velocity components `u`, `v` and, in 3-D, `w` [m/s]. Values are
+        /// 3-D, `z` on a face across x) \[m\] and the velocity components `u`, `v` and, in 3-D, `w` [m/s]. Values are
         /// interpolated linearly between rows.
         path: PathBuf,
         /// Rows of the table, once they are read.
@@ -120,7 +116,7 @@ impl VelocityProfile {
         match self {
             Self::Uniform(UniformVelocity { velocity }) => {
                 let (velocity, inward) = (velocity.to_array(), place.site.face.inward());
-                Some((0..3).map(|a| velocity[a] * inward[a]).sum())
+                Some(dot(velocity, inward))
             }
             // The mean of 4 s (1 - s) is 2/3.
             Self::Parabolic { peak } => Some(
@@ -202,7 +198,7 @@ fn mean_inflow(table: &VelocityTable, place: &Place<'_>) -> Option<f64> {
                     .map(|a| centre[a])
                     .collect();
                 let u = table.velocity_at(&across);
-                sum += part * (0..3).map(|a| u[a] * inward[a]).sum::<f64>();
+                sum += part * dot(u, inward);
                 area += part;
             }
         }

@@ -278,7 +278,7 @@ mod tests {
     use crate::boundary::convective_outflow::{self, Carried};
     use crate::boundary::{Patch, Rule, pressure, velocity};
     use crate::collision::{Operator, trt};
-    use crate::fluid::{Fluid, Force, Setup};
+    use crate::fluid::{Fluid, Models, Setup};
     use crate::lattice::VelocitySet;
     use base::history::TimeTable;
     use base::number::{real, to_u32, whole};
@@ -318,19 +318,16 @@ mod tests {
             rule,
         };
         let setup = Setup {
-            set: VelocitySet::D2Q9,
-            operator: Operator::Trt(trt::TrtParameters { magic: 3.0 / 16.0 }),
-            relaxation_time: tau,
-            turbulence: None,
-            force: Force::None,
-            cells: [LENGTH, 2, 1],
             periodic: [false, true, true],
             patches: vec![patch(false, inlet), patch(true, outlet)],
-            saturation: None,
-            single: false,
-            device: crate::gpu::Device::Cpu,
-            surface_axis: None,
-            terms: Vec::new(),
+            ..Setup::new(
+                Models::new(
+                    VelocitySet::D2Q9,
+                    Operator::Trt(trt::TrtParameters { magic: 3.0 / 16.0 }),
+                ),
+                tau,
+                [LENGTH, 2, 1],
+            )
         };
         Fluid::new(setup, &Domain::serial(SplitAxis::X, LENGTH, false)).unwrap()
     }

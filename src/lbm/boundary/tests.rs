@@ -4,7 +4,7 @@
 
 use super::*;
 use crate::collision::{Operator, bgk};
-use crate::fluid::{Fluid, Force, Setup};
+use crate::fluid::{Fluid, Models, Setup};
 use crate::lattice::VelocitySet;
 use base::error::Remedy;
 use base::geometry::Face;
@@ -113,12 +113,6 @@ fn leak<S: Stored>(returned: f64, tolerance: f64) -> f64 {
     };
     let everywhere = [f64::NEG_INFINITY, f64::INFINITY];
     let setup = Setup::<S> {
-        set: VelocitySet::D2Q9,
-        operator: Operator::Bgk(bgk::BgkParameters {}),
-        relaxation_time: 0.8,
-        turbulence: None,
-        force: Force::None,
-        cells: CELLS,
         periodic: [false, false, true],
         patches: vec![Patch {
             name: "toy".into(),
@@ -127,11 +121,11 @@ fn leak<S: Stored>(returned: f64, tolerance: f64) -> f64 {
             range: [everywhere, [1.0, 4.0], everywhere],
             rule: each_toy!(&toy, toy => toy.rule(&place, &units)).unwrap(),
         }],
-        saturation: None,
-        single: false,
-        device: crate::gpu::Device::Cpu,
-        surface_axis: None,
-        terms: Vec::new(),
+        ..Setup::new(
+            Models::new(VelocitySet::D2Q9, Operator::Bgk(bgk::BgkParameters {})),
+            0.8,
+            CELLS,
+        )
     };
     let mut fluid = Fluid::new(setup, &Domain::serial(SplitAxis::X, CELLS[0], false)).unwrap();
     fluid.initialise(&|_: [f64; 3]| (0.01, [0.0; 3]));
@@ -204,19 +198,13 @@ fn a_patch_is_the_same_at_both_of_its_ends() {
         let drain = pressure::PressureLinks::new(1, drop(-1e-3));
         patches.push(patch("drain", 1, false, [8.0, 12.0], Box::new(drain)));
         let setup = Setup::<f64> {
-            set: VelocitySet::D2Q9,
-            operator: Operator::Bgk(bgk::BgkParameters {}),
-            relaxation_time: 0.8,
-            turbulence: None,
-            force: Force::None,
-            cells: WIDE,
             periodic: [false, false, true],
             patches,
-            saturation: None,
-            single: false,
-            device: crate::gpu::Device::Cpu,
-            surface_axis: None,
-            terms: Vec::new(),
+            ..Setup::new(
+                Models::new(VelocitySet::D2Q9, Operator::Bgk(bgk::BgkParameters {})),
+                0.8,
+                WIDE,
+            )
         };
         let mut fluid = Fluid::new(setup, &Domain::serial(SplitAxis::X, WIDE[0], false)).unwrap();
         fluid.initialise(&|_: [f64; 3]| (0.0, [0.0; 3]));

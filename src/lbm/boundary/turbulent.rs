@@ -209,7 +209,7 @@ mod tests {
     use super::*;
     use crate::boundary::{Patch, convective_outflow, velocity};
     use crate::collision::{Operator, cumulant};
-    use crate::fluid::{Fluid, Force, Setup};
+    use crate::fluid::{Fluid, Models, Setup};
     use crate::lattice::VelocitySet;
     use decomposition::{Domain, SplitAxis};
 
@@ -241,22 +241,19 @@ mod tests {
             convective_outflow::Carried::Local,
         );
         let setup = Setup {
-            set: VelocitySet::D3Q27,
-            operator: Operator::Cumulant(cumulant::CumulantParameters::default()),
-            relaxation_time: 0.505,
-            turbulence: None,
-            force: Force::None,
-            cells,
             periodic: [false, true, true],
             patches: vec![
                 patch(upper, Box::new(inlet)),
                 patch(!upper, Box::new(outlet)),
             ],
-            saturation: None,
-            single: false,
-            device: crate::gpu::Device::Cpu,
-            surface_axis: None,
-            terms: Vec::new(),
+            ..Setup::new(
+                Models::new(
+                    VelocitySet::D3Q27,
+                    Operator::Cumulant(cumulant::CumulantParameters::default()),
+                ),
+                0.505,
+                cells,
+            )
         };
         let domain = Domain::serial(SplitAxis::X, cells[0], false);
         let mut fluid = Fluid::new(setup, &domain).unwrap();

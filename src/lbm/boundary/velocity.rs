@@ -1,11 +1,7 @@
 //! Imposed velocity: half-way bounce-back with the velocity of a profile ([`super::wall`]), optionally with
 //! turbulence ([`super::turbulent`]).
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets: [m]"
-)]
-
+use base::vector::{dot, norm};
 use super::links::{LINKS_PER_THREAD, each_part};
 use super::profile::{FaceVelocity, ReadTable, VelocityProfile};
 use super::sound::PlaneWave;
@@ -33,14 +29,14 @@ use serde::{Deserialize, Serialize};
 pub struct Velocity {
     /// Velocity profile over the face or patch.
     pub profile: VelocityProfile,
-    /// Time over which the velocity grows linearly from zero [s], counted from the first fluid step, warm-up included.
-    /// Default: the full velocity from the first step on.
+    /// Time over which the velocity grows linearly from zero \[s\], counted from the first fluid step, warm-up
+    /// included. Default: the full velocity from the first step on.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub ramp_time: Option<f64>,
-    /// Table of times [s], counted from the first fluid step, warm-up included, and factors of the profile [1]: linear
-    /// between the rows, constant before and after; two factors at one time are a jump. A factor below 0 reverses the
-    /// flow. Default: constant.
+    /// Table of times \[s\], counted from the first fluid step, warm-up included, and factors of the profile \[1\]:
+    /// linear between the rows, constant before and after; two factors at one time are a jump. A factor below 0
+    /// reverses the flow. Default: constant.
     #[serde(default)]
     pub history: Option<Vec<[f64; 2]>>,
     /// Turbulent fluctuations of the inflow. The profile is then the mean velocity. Default: none.
@@ -208,7 +204,7 @@ fn synthetic(
                     0.0
                 };
                 let u = profile(at);
-                sum += (0..3).map(|a| u[a] * inward[a]).sum::<f64>();
+                sum += dot(u, inward);
                 cells += 1.0;
             }
         }
@@ -360,7 +356,7 @@ impl<S: Stored> Rule<S> for VelocityLinks {
             let inlet = self
                 .inlet
                 .get_or_insert_with(|| Inlet::new(*side, synthetic, crossing.cells));
-            let speed = (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]).sqrt();
+            let speed = norm(u);
             let strength = synthetic.intensity * speed;
             inlet.add(crossing.at, strength, crossing.link, weight, c);
         }

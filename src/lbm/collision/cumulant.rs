@@ -17,11 +17,6 @@
 //! κ_aabbc = κ_aa κ_bb F_c/(2ρ²), as with the Guo forcing of the other operators. Without these terms the pressure
 //! is wrong next to a wall against which a force presses the fluid.
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets: [m]"
-)]
-
 use super::border::{self, Border, MovingBody, ReynoldsBounds, Situation};
 use super::products::{POPULATION, n};
 use super::{Collision, CollisionModel, Dispatch, Kernels, Site};
@@ -37,7 +32,7 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct CumulantParameters {
-    /// Rate of the trace of the stress [1]; the bulk viscosity is (2/9)(1/bulk - 1/2). A rate of 1 damps sound waves
+    /// Rate of the trace of the stress \[1\]; the bulk viscosity is (2/9)(1/bulk - 1/2). A rate of 1 damps sound waves
     /// best.
     #[serde(default = "one")]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]

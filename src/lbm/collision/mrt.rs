@@ -35,11 +35,6 @@
 //! and fused pairs without a force, compared with 329 for the published matrix. The trace of the second moments, e,
 //! has its own rate, so that the bulk viscosity is (2/9)(1/s4 - ½).
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets: [m]"
-)]
-
 pub mod kernel;
 
 pub use kernel::{Mrt, Rates};
@@ -59,45 +54,45 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct MrtParameters {
-    /// Rate s4 of the trace of the stress [1]; the bulk viscosity is (2/9)(1/s4 - 1/2). Default: 1.54.
+    /// Rate s4 of the trace of the stress \[1\]; the bulk viscosity is (2/9)(1/s4 - 1/2). Default: 1.54.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
     pub bulk: Option<f64>,
-    /// Rate of all moments above the second order whose own rate is not given [1]. Default: the rates of Suga et al. A
-    /// rate of 1 relaxes these moments to equilibrium in one step, as other codes do by default, and saves two fifths
+    /// Rate of all moments above the second order whose own rate is not given \[1\]. Default: the rates of Suga et al.
+    /// A rate of 1 relaxes these moments to equilibrium in one step, as other codes do by default, and saves two fifths
     /// of the arithmetic.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
     pub higher: Option<f64>,
-    /// Rate s10 of the energy flux q [1]. Default: 1.5.
+    /// Rate s10 of the energy flux q \[1\]. Default: 1.5.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
     pub q: Option<f64>,
-    /// Rate s13 of Psi [1]. Default: 1.83.
+    /// Rate s13 of Psi \[1\]. Default: 1.83.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
     pub psi: Option<f64>,
-    /// Rate s16 of epsilon [1]. Default: 1.4.
+    /// Rate s16 of epsilon \[1\]. Default: 1.4.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
     pub epsilon: Option<f64>,
-    /// Rate s17 of e cubed [1]. Default: 1.61.
+    /// Rate s17 of e cubed \[1\]. Default: 1.61.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
     pub e_cubed: Option<f64>,
-    /// Rate s18 of XX and WW [1]. Default: 1.98.
+    /// Rate s18 of XX and WW \[1\]. Default: 1.98.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
     pub xx: Option<f64>,
-    /// Rate s20 of XY, YZ and ZX [1]. Default: 1.98.
+    /// Rate s20 of XY, YZ and ZX \[1\]. Default: 1.98.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
     pub xy: Option<f64>,
-    /// Rate s23 of the third-order tau [1]. Default: 1.74.
+    /// Rate s23 of the third-order tau \[1\]. Default: 1.74.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
     pub tau: Option<f64>,
-    /// Rate s26 of XYZ [1]. Default: 1.74.
+    /// Rate s26 of XYZ \[1\]. Default: 1.74.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
     pub xyz: Option<f64>,

@@ -6,11 +6,6 @@
 //! (1/ω⁺ - ½)(1/ω⁻ - ½) fixes the position of a half-way wall, independently of the viscosity: Λ = 3/16 puts
 //! it exactly half-way in Poiseuille flow, Λ = 1/4 is the most stable choice.
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets: [m]"
-)]
-
 pub mod kernel;
 
 pub use kernel::{AntisymmetricRate, Trt, antisymmetric_rate};
@@ -27,7 +22,7 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct TrtParameters {
-    /// Magic parameter (tau+ - 1/2)(tau- - 1/2) [1]. With 3/16 straight walls lie exactly half-way between nodes.
+    /// Magic parameter (tau+ - 1/2)(tau- - 1/2) \[1\]. With 3/16 straight walls lie exactly half-way between nodes.
     #[serde(default = "three_sixteenths")]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 10))]
     pub magic: f64,

@@ -5,9 +5,9 @@ mod single;
 
 pub use single::collides_in_single;
 
-use super::Setup;
+use super::{Models, Setup};
 use crate::block::RowBlock;
-use crate::collision::{Collision, Dispatch, Kernels, Operator};
+use crate::collision::{Collision, Dispatch, Kernels};
 use crate::error::FluidError;
 use crate::fluid::force::Force;
 #[cfg(test)]
@@ -20,7 +20,7 @@ use crate::populations::Parity;
 #[cfg(test)]
 use crate::saturation::pass::View;
 use crate::saturation::{Covered, Open, Solids};
-use crate::turbulence::{Eddies, EddyViscosity, Resolved};
+use crate::turbulence::{Eddies, Resolved};
 use std::marker::PhantomData;
 
 /// Pass with a selected operator, force and eddy viscosity.
@@ -175,8 +175,7 @@ where
 /// Run-time parameters that select a pass, in addition to the types.
 #[derive(Clone, Copy)]
 pub(super) struct Choice {
-    operator: Operator,
-    eddies: Option<EddyViscosity>,
+    models: Models,
     relaxation_time: f64,
     forced: bool,
     covered: bool,
@@ -186,8 +185,7 @@ pub(super) struct Choice {
 impl Choice {
     pub(super) fn from_setup<S: Stored>(setup: &Setup<S>, level: Level) -> Self {
         Self {
-            operator: setup.operator,
-            eddies: setup.turbulence,
+            models: setup.models,
             relaxation_time: setup.relaxation_time,
             forced: setup.force != Force::None,
             covered: setup.saturation.is_some(),
@@ -195,11 +193,10 @@ impl Choice {
         }
     }
 
-    /// Returns the choice without eddy viscosity, for any processor.
-    pub(super) fn plain(operator: Operator, forced: bool, covered: bool) -> Self {
+    /// Returns the choice for any processor.
+    pub(super) fn on_any(models: Models, forced: bool, covered: bool) -> Self {
         Self {
-            operator,
-            eddies: None,
+            models,
             relaxation_time: 1.0,
             forced,
             covered,
@@ -207,18 +204,13 @@ impl Choice {
         }
     }
 
-    /// Returns the pass for a velocity set.
-    pub(super) fn on<S: Stored>(self, set: VelocitySet) -> Box<dyn Step<S>> {
-        match set {
-            VelocitySet::D2Q9 => self
-                .operator
-                .dispatch(ForVelocitySet::<D2Q9, S, 9>::new(self)),
-            VelocitySet::D3Q19 => self
-                .operator
-                .dispatch(ForVelocitySet::<D3Q19, S, 19>::new(self)),
-            VelocitySet::D3Q27 => self
-                .operator
-                .dispatch(ForVelocitySet::<D3Q27, S, 27>::new(self)),
+    /// Returns the pass.
+    pub(super) fn step<S: Stored>(self) -> Box<dyn Step<S>> {
+        let operator = self.models.collision;
+        match self.models.lattice {
+            VelocitySet::D2Q9 => operator.dispatch(ForVelocitySet::<D2Q9, S, 9>::new(self)),
+            VelocitySet::D3Q19 => operator.dispatch(ForVelocitySet::<D3Q19, S, 19>::new(self)),
+            VelocitySet::D3Q27 => operator.dispatch(ForVelocitySet::<D3Q27, S, 27>::new(self)),
         }
     }
 
@@ -227,12 +219,13 @@ impl Choice {
         kernels: K,
     ) -> Box<dyn Step<S>> {
         let omega = 1.0 / self.relaxation_time;
+        let eddies = self.models.turbulence;
         if self.covered {
             let kernel = move |force| kernels.covered(omega, force);
-            self.boxed::<L, _, _, Covered, S, Q>(kernel, self.eddies)
-        } else if self.eddies.is_some() {
+            self.boxed::<L, _, _, Covered, S, Q>(kernel, eddies)
+        } else if eddies.is_some() {
             let kernel = move |force| kernels.local(omega, force);
-            self.boxed::<L, _, _, Open, S, Q>(kernel, self.eddies)
+            self.boxed::<L, _, _, Open, S, Q>(kernel, eddies)
         } else if self.forced {
             let kernel = move |force| kernels.uniform::<true>(omega, force);
             self.boxed::<L, _, _, Open, S, Q>(kernel, Resolved)

@@ -1,15 +1,13 @@
 //! Steps on a GPU ([`crate::gpu`]).
 
 use super::dispatch::{Choice, Step};
-use super::{Fluid, Setup};
+use super::{Fluid, Models, Setup};
 use crate::boundary::Boundaries;
-use crate::collision::Operator;
 use crate::error::FluidError;
 use crate::extremes::Extremes;
-use crate::gpu::Gpu;
 use crate::gpu::program::Program;
+use crate::gpu::{Device, Gpu};
 use crate::lanes::Stored;
-use crate::lattice::VelocitySet;
 use crate::populations::Populations;
 use crate::saturation::Cover;
 use crate::term::Term;
@@ -19,25 +17,53 @@ use decomposition::Domain;
 /// Name of a missing kernel in a message.
 const KERNEL: &str = "this velocity set, collision operator, force and storage";
 
-/// Returns `true` if there are kernels for an operator on a velocity set without eddy viscosity, for a storage
-/// named as in [`Stored::NAME`], with a body force, and with cells that solids may cover.
+/// Returns `true` if there are kernels for these models, for a storage named as in [`Stored::NAME`], with a body force,
+/// and with cells that solids may cover.
 #[must_use]
-pub fn kernel_exists(
-    set: VelocitySet,
-    operator: Operator,
-    stored: &str,
-    [forced, covered]: [bool; 2],
-) -> bool {
-    let step = Choice::plain(operator, forced, covered).on::<f64>(set);
+pub fn kernel_exists(models: Models, stored: &str, [forced, covered]: [bool; 2]) -> bool {
+    let step = Choice::on_any(models, forced, covered).step::<f64>();
     step.kernel_on_gpu()
         .is_some_and(|kernel| kernel.exists(stored))
+}
+
+/// Returns the GPU that the setup asks for, with the data of a slab; none for the processor, also where a choice is
+/// left and no GPU runs this fluid.
+///
+/// # Errors
+/// If the setup demands a GPU that does not support this fluid or reports an error.
+pub(super) fn wanted<'a, S: Stored>(
+    setup: &Setup<S>,
+    populations: &Populations<S>,
+    boundaries: &Boundaries<S>,
+    step: &dyn Step<S>,
+    solids_and_terms: (Option<&Cover>, impl Iterator<Item = &'a dyn Term<S>>),
+    domain: &Domain,
+) -> Result<Option<Gpu>, FluidError> {
+    if setup.device == Device::Cpu {
+        return Ok(None);
+    }
+    let started = start(
+        setup,
+        populations,
+        boundaries,
+        step,
+        solids_and_terms,
+        domain,
+    );
+    match started {
+        Err(why) if setup.device == Device::Auto => {
+            log::info!("the fluid runs on the processor: {why}");
+            Ok(None)
+        }
+        started => started.map(Some),
+    }
 }
 
 /// Returns a GPU with the data of a slab.
 ///
 /// # Errors
 /// If a GPU does not support this fluid, or reports an error.
-pub(super) fn start<'a, S: Stored>(
+fn start<'a, S: Stored>(
     setup: &Setup<S>,
     populations: &Populations<S>,
     boundaries: &Boundaries<S>,

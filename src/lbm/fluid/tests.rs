@@ -14,19 +14,8 @@ const EVERYWHERE: [[f64; 2]; 3] = [[f64::NEG_INFINITY, f64::INFINITY]; 3];
 
 fn setup(set: VelocitySet, operator: Operator, tau: f64, cells: [usize; 3]) -> Setup {
     Setup {
-        set,
-        operator,
-        relaxation_time: tau,
-        turbulence: None,
-        force: Force::None,
-        cells,
         periodic: [true, false, true],
-        patches: Vec::new(),
-        saturation: None,
-        single: false,
-        device: Device::Cpu,
-        surface_axis: None,
-        terms: Vec::new(),
+        ..Setup::new(Models::new(set, operator), tau, cells)
     }
 }
 
@@ -216,7 +205,7 @@ fn the_gradient_beside_faces() {
         0.5 + 3.0 * nu,
         cells,
     );
-    s.turbulence = Some(EddyViscosity::Smagorinsky(Smagorinsky { constant: 0.17 }));
+    s.models.turbulence = Some(EddyViscosity::Smagorinsky(Smagorinsky { constant: 0.17 }));
     s.patches.push(Patch {
         name: "lid".into(),
         axis: 1,
@@ -323,8 +312,8 @@ fn the_split_axis_does_not_change_a_bit() {
             for axis in 0..axes {
                 let mut s = every_face(periodic, set, cells);
                 if set == VelocitySet::D3Q27 {
-                    s.operator = Operator::Mrt(mrt::MrtParameters::default());
-                    s.turbulence = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
+                    s.models.collision = Operator::Mrt(mrt::MrtParameters::default());
+                    s.models.turbulence = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
                 }
                 let mut fluid = serial(axis, s);
                 fluid.initialise(&swirl);
@@ -412,7 +401,7 @@ fn threads_do_not_show() {
                 CELLS,
             );
             s.periodic = [false; 3];
-            s.turbulence = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
+            s.models.turbulence = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
             s.patches = vec![
                 patch(0, false, Box::new(inlet)),
                 patch(
@@ -501,7 +490,7 @@ fn two_steps_in_one_sweep_are_two_steps() {
             for split in 0..set.velocities().dimension {
                 let run = |threads: usize, at_once: bool| {
                     let mut setup = lid_and_force(set, cells, periodic);
-                    setup.turbulence = turbulence;
+                    setup.models.turbulence = turbulence;
                     let mut fluid = serial(split, setup);
                     fluid.threads = threads;
                     fluid.initialise(&swirl);
@@ -602,7 +591,7 @@ fn a_gpu_makes_the_same_steps() {
                 for split in 0..set.velocities().dimension {
                     let start = || {
                         let mut setup = lid_and_force(set, cells, periodic);
-                        setup.operator = *operator;
+                        setup.models.collision = *operator;
                         if !forced {
                             setup.force = Force::None;
                         }
@@ -651,7 +640,7 @@ fn a_gpu_makes_the_same_steps_with_solids() {
                 }
                 let start = || {
                     let mut setup = lid_and_force(set, cells, [true, false, false]);
-                    setup.operator = operator;
+                    setup.models.collision = operator;
                     setup.saturation = Some(SaturationMethod {
                         operator: solid,
                         weighting: Weighting::Viscous,
@@ -737,12 +726,12 @@ fn a_gpu_refuses_what_it_does_not_run() {
         refused.map_or(String::new(), |error| error.to_string())
     };
     let mut eddies = plain();
-    eddies.turbulence = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
+    eddies.models.turbulence = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
     assert!(reason(eddies).contains("eddy viscosity"));
     let open = every_face([false; 3], VelocitySet::D3Q27, cells);
     assert!(reason(open).contains("openings"));
     let mut cumulants = plain();
-    cumulants.operator = Operator::Cumulant(cumulant::CumulantParameters::default());
+    cumulants.models.collision = Operator::Cumulant(cumulant::CumulantParameters::default());
     assert!(reason(cumulants).contains("collision operator"));
     // A kernel that has never been run on a GPU.
     let mut other = lid_and_force(VelocitySet::D3Q19, cells, [false; 3]);
@@ -752,14 +741,17 @@ fn a_gpu_refuses_what_it_does_not_run() {
     });
     assert!(reason(other).contains("velocity set"));
     let trt = Operator::Trt(trt::TrtParameters { magic: 0.1875 });
-    let exists = |set, forced, covered| kernel_exists_on_gpu(set, trt, "f64", [forced, covered]);
+    let exists = |set, forced, covered| {
+        kernel_exists_on_gpu(Models::new(set, trt), "f64", [forced, covered])
+    };
     let bgk = Operator::Bgk(bgk::BgkParameters {});
-    let flat = |stored| kernel_exists_on_gpu(VelocitySet::D2Q9, bgk, stored, [false; 2]);
+    let flat =
+        |stored| kernel_exists_on_gpu(Models::new(VelocitySet::D2Q9, bgk), stored, [false; 2]);
     assert!(flat("f64") && !flat("f32"));
     assert!(exists(VelocitySet::D3Q19, true, false) && !exists(VelocitySet::D3Q19, true, true));
     assert!(exists(VelocitySet::D3Q27, true, true));
     let mut auto = plain();
-    auto.turbulence = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
+    auto.models.turbulence = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
     auto.device = Device::Auto;
     assert_eq!(serial(0, auto).at_once(), 2);
 }
@@ -785,7 +777,7 @@ fn two_steps_are_single_ones_where_more_than_walls_acts() {
     });
     assert!(!serial(0, covered).may_advance_two());
     let mut eddies = lid_and_force(VelocitySet::D3Q27, [12, 12, 12], [false; 3]);
-    eddies.turbulence = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
+    eddies.models.turbulence = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
     assert!(serial(0, eddies).may_advance_two());
 }
 
@@ -807,11 +799,11 @@ fn every_width_of_lanes_gives_the_same_bits() {
             let mut results = Vec::new();
             for level in [Level::Scalar, Level::best()] {
                 let mut s = every_face([false, true, true], set, cells);
-                s.operator = operator;
+                s.models.collision = operator;
                 if operator != Operator::Bgk(bgk::BgkParameters {}) {
-                    s.turbulence = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
+                    s.models.turbulence = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
                 }
-                let pass = Choice::from_setup(&s, level).on(set);
+                let pass = Choice::from_setup(&s, level).step();
                 let mut fluid = serial(0, s);
                 fluid.pass = pass;
                 fluid.initialise(&swirl);

@@ -26,7 +26,7 @@
 //! bits are the same.
 
 use super::dispatch::Step;
-use super::{CoverView, Fluid, View, between, planes_of};
+use super::{Fluid, between, planes_of};
 use crate::block::RowBlock;
 use crate::boundary::Boundaries;
 use crate::kernel::Shared;
@@ -166,14 +166,6 @@ impl<S: Stored> Fluid<S> {
             }
         });
         self.step += 2;
-    }
-
-    /// Returns the data of the next pass.
-    fn describe_pass(&mut self) -> Shared<S> {
-        let [.., fast] = self.populations.order();
-        let round_rows = self.extent.periodic_within[fast];
-        let velocity = self.field.as_mut().map_or(View::NONE, |field| field.view());
-        (self.describe)(&mut self.populations, velocity, CoverView::NONE, round_rows)
     }
 }
 

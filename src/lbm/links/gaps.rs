@@ -52,12 +52,6 @@ impl Gaps {
         self.neighbours.clear();
     }
 
-    /// Returns `true` if there is no cell.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.gaps.is_empty()
-    }
-
     /// Returns the index of a cell (local coordinates); none if it is not listed.
     #[must_use]
     pub fn find(&self, cell: [i32; 3]) -> Option<u32> {

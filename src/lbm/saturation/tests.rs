@@ -3,7 +3,7 @@
 use super::*;
 use crate::boundary::{Patch, Ramp, Rule, free_slip, pressure, velocity};
 use crate::collision::{Operator, bgk, cumulant, mrt, trt};
-use crate::fluid::{Fluid, Force, Setup};
+use crate::fluid::{Fluid, Force, Models, Setup};
 use crate::lattice::VelocitySet;
 use crate::links::{Load, Rigid};
 use crate::quanta::from_quanta;
@@ -39,19 +39,10 @@ fn setup(
     method: SaturationMethod,
 ) -> Setup {
     Setup {
-        set,
-        operator,
-        relaxation_time: tau,
-        turbulence: None,
         force: Force::Constant([1e-5, -2e-5, 0.0]),
-        cells,
         periodic: [true, true, true],
-        patches: Vec::new(),
         saturation: Some(method),
-        single: false,
-        device: crate::gpu::Device::Cpu,
-        surface_axis: None,
-        terms: Vec::new(),
+        ..Setup::new(Models::new(set, operator), tau, cells)
     }
 }
 
@@ -174,7 +165,7 @@ fn the_same_bits_for_every_split() {
                 .map(|&axis| {
                     let mut s = setup(set, operator, 0.7, cells, method);
                     if set == VelocitySet::D3Q27 {
-                        s.turbulence = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
+                        s.models.turbulence = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
                     }
                     let mut fluid = serial(axis, s);
                     fluid.initialise(&swirl);
@@ -465,7 +456,7 @@ fn eddies_do_not_change_the_weighting() {
     let step = |turbulence| {
         let operator = Operator::Bgk(bgk::BgkParameters {});
         let mut s = setup(VelocitySet::D2Q9, operator, tau, cells, METHODS[0]);
-        (s.turbulence, s.force) = (turbulence, Force::None);
+        (s.models.turbulence, s.force) = (turbulence, Force::None);
         let mut fluid = serial(SplitAxis::X, s);
         fluid.initialise(&shear);
         let cell = fluid.populations().cell([2, 4, 0]);

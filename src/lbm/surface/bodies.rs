@@ -59,6 +59,7 @@ use crate::populations::Populations;
 use crate::quanta::{from_quanta, quanta};
 use crate::saturation::Cover;
 use base::number::{real, to_u32};
+use base::vector::dot;
 use decomposition::Communicator;
 
 /// Solid fraction above which a cell counts as filled by bodies: the sum of several fractions, each rounded to f32.
@@ -113,14 +114,6 @@ pub(crate) struct Bodies {
 }
 
 impl Bodies {
-    /// Returns the size of the memory in bytes.
-    pub(super) fn bytes(&self) -> usize {
-        4 * self.cells.len()
-            + 16 * (self.own.len() + self.wet.len())
-            + 20 * self.inner.len()
-            + 40 * self.ends.len()
-    }
-
     /// Returns the cells of the slab that bodies fill in part or completely and that take part in the flow.
     pub(super) fn wet(&self) -> impl Iterator<Item = &u32> {
         self.wet.iter().map(|(cell, _)| cell)
@@ -353,7 +346,7 @@ impl Bodies {
         for &((cell, at), end) in &self.ends {
             let position = cell as usize;
             let u = velocity(cover, populations, (position, at));
-            let rate: f64 = (0..3).map(|a| end[a] * u[a]).sum();
+            let rate = dot(end, u);
             cover.each_body(position, |slot, solid, _, share| {
                 let raw: [i32; 3] = std::array::from_fn(|a| at[a] - solid.frame[a]);
                 let force = u.map(|u| share * rate * u);

@@ -1,5 +1,7 @@
 //! Part of a facet for other cells: the traction of the water on the links of a carried cell ([`super::facet`]).
 
+use base::vector::dot;
+
 /// Number of values of a facet in a message.
 pub(super) const NUMBERS: usize = 12;
 
@@ -13,12 +15,6 @@ pub(super) struct Carrier {
     pub(super) velocity: [f64; 3],
     /// Density that the surface tension adds.
     pub(super) capillary: f64,
-}
-
-/// Returns the scalar product of a direction and a vector.
-#[inline(always)]
-pub(super) fn dot(c: [f64; 3], v: [f64; 3]) -> f64 {
-    c[0] * v[0] + c[1] * v[1] + c[2] * v[2]
 }
 
 /// Returns the inertial part of f⁺/w_i for a density and a velocity.

@@ -200,11 +200,4 @@ impl Cells {
         }
         sum
     }
-
-    /// Returns the size of the memory in bytes.
-    pub(super) fn bytes(&self) -> usize {
-        3 * self.kind.len()
-            + 8 * (self.mass.len() + self.fill.len() + self.share.len() + self.solid.len())
-            + 4 * self.closed.len()
-    }
 }

@@ -66,6 +66,7 @@ fn smaller(volume: f64, [low, middle, high]: [f64; 3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use base::vector::norm;
 
     /// Returns the fraction of a cell behind a plane, by the midpoint rule.
     fn part(distance: f64, normal: [f64; 3]) -> f64 {
@@ -94,7 +95,7 @@ mod tests {
             [1.0, 1.0, 1.0],
             [0.01, 0.99, 1.0],
         ] {
-            let length = normal.iter().map(|n: &f64| n * n).sum::<f64>().sqrt();
+            let length = norm(normal);
             let normal = normal.map(|n| n / length);
             for k in 0..=40 {
                 let exact = f64::from(k) / 40.0;

@@ -17,7 +17,7 @@
 //! The surface is that at the middle of the step, like the populations that pass a link during it: a delay of half
 //! a step would amplify a wave of frequency ω at the rate ω²/4.
 
-use super::carrier::{Carrier, dot, inertia};
+use super::carrier::{Carrier, inertia};
 use super::cells::Cells;
 use super::jump::Jump;
 use super::kind::{HELD, SOLID};
@@ -25,6 +25,7 @@ use super::moments::{Moments, across};
 use super::positions::{MOST, Values};
 use super::stencil::Stencil;
 use crate::lattice::{Lattice, unroll};
+use base::vector::{dot, norm};
 
 /// Maximum ratio for the extrapolation of the traction inside beyond the surface: above it sound grows.
 const MAX_RATIO: f64 = 0.5;
@@ -164,7 +165,7 @@ pub(super) fn normal<L: Lattice<Q>, const Q: usize>(
             });
         }
     });
-    let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
+    let length = norm(normal);
     (length > 0.0).then(|| normal.map(|n| n / length))
 }
 
@@ -192,7 +193,7 @@ impl Drive {
             half_force,
             relaxation_time,
             factor: 3.0 * viscosity / relaxation_time,
-            weight: 6.0 * half_force.iter().map(|f| f * f).sum::<f64>().sqrt(),
+            weight: 6.0 * norm(half_force),
             of_waves,
         }
     }

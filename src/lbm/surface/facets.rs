@@ -2,7 +2,6 @@
 
 use super::batch::Batch;
 use super::carried;
-use super::carrier::dot;
 use super::cells::Cells;
 use super::cut;
 use super::facet::{Drive, Facet, Known, bounded};
@@ -16,6 +15,7 @@ use crate::lanes::{Stored, Work};
 use crate::lattice::{Lattice, unroll};
 use crate::populations::Populations;
 use base::number::to_u32;
+use base::vector::dot;
 
 /// Minimum component against the normal, relative to its length, of a link from an interface cell to the liquid
 /// cell inside.

@@ -34,6 +34,7 @@ use crate::lanes::Stored;
 use crate::lattice::Lattice;
 use crate::populations::Populations;
 use base::thread_pool;
+use base::vector::norm;
 use decomposition::{Domain, HaloBytes, HaloExchange};
 
 /// Number of cells to each side of a cell that a column may need.
@@ -174,11 +175,6 @@ impl Levels {
         MIN_CURVATURE * self.density()
     }
 
-    /// Returns the size of the memory in bytes.
-    pub(super) fn bytes(&self) -> usize {
-        8 * self.middle.len()
-    }
-
     /// Returns the fill level of a cell of the slab in the middle of the step; not a number for a solid.
     #[inline(always)]
     fn level(&self, cells: &Cells, cell: usize) -> f64 {
@@ -279,7 +275,7 @@ impl Levels {
             if deep == 1 {
                 gradient[2] = 0.0;
             }
-            let length = gradient.iter().map(|g| g * g).sum::<f64>().sqrt();
+            let length = norm(gradient);
             gradient.map(|g| if length > 0.0 { -g / length } else { 0.0 })
         };
         let mut sum = 0.0;

@@ -11,12 +11,10 @@ use super::kind::{GAS, LIQUID};
 use super::opening::Outside;
 use crate::boundary::{Patch, Strength, free_slip, outfall, velocity};
 use crate::collision::{Operator, bgk, trt};
-use crate::fluid::{Fluid, Force, Setup};
-use crate::gpu::Device;
+use crate::fluid::{Fluid, Force, Models, Setup};
 use crate::lattice::VelocitySet;
 use crate::quanta::from_quanta;
 use crate::saturation::SaturationMethod;
-use crate::turbulence::EddyViscosity;
 use decomposition::{Domain, SplitAxis};
 
 /// Axes along which the slabs may be cut.
@@ -29,8 +27,7 @@ type Stream = ((usize, bool), [f64; 2], [f64; 3]);
 
 /// A box of water under gravity along -y with side walls of free slip, split along an axis.
 pub(super) struct Tank {
-    set: VelocitySet,
-    operator: Operator,
+    models: Models,
     pub(super) tau: f64,
     pub(super) gravity: f64,
     pub(super) cells: [usize; 3],
@@ -45,7 +42,6 @@ pub(super) struct Tank {
     pub(super) streams: Vec<Stream>,
     pub(super) solids: Vec<[usize; 3]>,
     saturation: Option<SaturationMethod>,
-    turbulence: Option<EddyViscosity>,
     /// Vertical axis for the order of the axes in memory.
     pub(super) surface_axis: Option<usize>,
 }
@@ -53,12 +49,14 @@ pub(super) struct Tank {
 impl Tank {
     pub(super) fn new(cells: [usize; 3]) -> Self {
         Self {
-            set: if cells[2] == 1 {
-                VelocitySet::D2Q9
-            } else {
-                VelocitySet::D3Q19
-            },
-            operator: Operator::Trt(trt::TrtParameters { magic: 0.25 }),
+            models: Models::new(
+                if cells[2] == 1 {
+                    VelocitySet::D2Q9
+                } else {
+                    VelocitySet::D3Q19
+                },
+                Operator::Trt(trt::TrtParameters { magic: 0.25 }),
+            ),
             tau: 0.6,
             gravity: 1e-4,
             cells,
@@ -70,7 +68,6 @@ impl Tank {
             streams: Vec::new(),
             solids: Vec::new(),
             saturation: None,
-            turbulence: None,
             surface_axis: Some(1),
         }
     }
@@ -126,19 +123,12 @@ impl Tank {
     /// Returns the slab of this rank without water.
     pub(super) fn empty(&self, domain: &Domain) -> Fluid<f64> {
         let setup = Setup {
-            set: self.set,
-            operator: self.operator,
-            relaxation_time: self.tau,
-            turbulence: self.turbulence,
             force: Force::Constant([self.slope[0], -self.gravity, self.slope[1]]),
-            cells: self.cells,
             periodic: self.periodic,
             patches: self.patches(),
             saturation: self.saturation,
-            single: false,
-            device: Device::Cpu,
             surface_axis: self.surface_axis,
-            terms: Vec::new(),
+            ..Setup::new(self.models, self.tau, self.cells)
         };
         let mut fluid = Fluid::new(setup, domain).unwrap();
         fluid.open_surface(domain).unwrap();
@@ -301,7 +291,7 @@ fn a_wall_in_the_air_carries_no_load() {
 #[test]
 fn an_operator_of_one_rate_works_too() {
     let mut tank = Tank::new([30, 16, 1]);
-    tank.operator = Operator::Bgk(bgk::BgkParameters {});
+    tank.models.collision = Operator::Bgk(bgk::BgkParameters {});
     let mut fluid = tank.fill(dam(10, 10));
     let before = mass(&fluid);
     step(&mut fluid, 500);

@@ -28,11 +28,6 @@
 //! Sources: Z. Guo, T. S. Zhao, Phys. Rev. E 66 (2002) 036304; A. L. Kupershtokh, D. A. Medvedev, D. I. Karpov, Comput.
 //! Math. Appl. 58 (2009) 965; S. Ergun, Chem. Eng. Prog. 48 (1952) 89.
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets: [m]"
-)]
-
 use super::Term;
 use crate::initial::equilibrium;
 use crate::lanes::Stored;
@@ -40,6 +35,7 @@ use crate::populations::Populations;
 use crate::quanta::quanta;
 use crate::saturation::Cover;
 use base::thread_pool;
+use base::vector::norm;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -53,7 +49,7 @@ pub enum Resistance {
     /// Darcy-Forchheimer law with given coefficients: -∇p = ρ (ν/K + β |u|) u. At least one of the two coefficients
     /// is required.
     DarcyForchheimer {
-        /// Permeability K [m2]. Default: no linear part.
+        /// Permeability K \[m2\]. Default: no linear part.
         #[serde(default)]
         #[schemars(extend("exclusiveMinimum" = 0))]
         permeability: Option<f64>,
@@ -65,10 +61,10 @@ pub enum Resistance {
     },
     /// Packed bed of grains (Ergun 1952): K = ε³ d²/(150 (1 - ε)²), β = 1.75 (1 - ε)/(ε³ d).
     Ergun {
-        /// Diameter of the grains d [m].
+        /// Diameter of the grains d \[m\].
         #[schemars(extend("exclusiveMinimum" = 0))]
         grain_diameter: f64,
-        /// Porosity ε [1].
+        /// Porosity ε \[1\].
         #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
         porosity: f64,
     },
@@ -130,9 +126,9 @@ impl Coefficients {
 pub struct Resisted {
     /// Indices of the cell in the domain.
     pub cell: [usize; 3],
-    /// Linear coefficient a [1].
+    /// Linear coefficient a \[1\].
     pub linear: f64,
-    /// Quadratic coefficient b [1].
+    /// Quadratic coefficient b \[1\].
     pub quadratic: f64,
 }
 
@@ -214,7 +210,7 @@ impl Porous {
 /// Returns the velocity u of a cell from v = (m + G/2)/ρ and the coefficients.
 #[inline(always)]
 fn resisted(v: [f64; 3], linear: f64, quadratic: f64) -> [f64; 3] {
-    let speed = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
+    let speed = norm(v);
     let c = 1.0 + 0.5 * linear;
     let part = 2.0 / (c + (c * c + 2.0 * quadratic * speed).sqrt());
     v.map(|x| x * part)
@@ -257,7 +253,7 @@ impl<S: Stored> Term<S> for Porous {
             let rho = 1.0 + drho;
             let v: [f64; 3] = std::array::from_fn(|a| (m[a] + half[a]) / rho);
             let u = resisted(v, linear, quadratic);
-            let speed = (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]).sqrt();
+            let speed = norm(u);
             let factor = linear + quadratic * speed;
             let after: [f64; 3] = std::array::from_fn(|a| v[a] - factor * u[a]);
             cell.given = std::array::from_fn(|a| quanta(-rho * factor * u[a]));
@@ -305,7 +301,7 @@ impl<S: Stored> Term<S> for Porous {
             return u;
         };
         let [linear, quadratic] = cell.coefficients(cover);
-        let speed = (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]).sqrt();
+        let speed = norm(u);
         u.map(|u| u * (1.0 + 0.5 * (linear + quadratic * speed)))
     }
 }
@@ -315,7 +311,7 @@ mod tests {
     use super::*;
     use crate::collision::Operator;
     use crate::collision::{bgk, cumulant, mrt, trt};
-    use crate::fluid::{Fluid, Force, Setup};
+    use crate::fluid::{Fluid, Force, Models, Setup};
     use crate::lattice::VelocitySet;
     use approx::{assert_abs_diff_eq, assert_relative_eq};
     use base::number::real;
@@ -345,19 +341,10 @@ mod tests {
             Box::new(Porous::new(populations, start, &resisted))
         });
         let setup = Setup {
-            set,
-            operator,
-            relaxation_time: 0.7,
-            turbulence: None,
             force: Force::Constant(force),
-            cells,
             periodic: [true, !walls, true],
-            patches: Vec::new(),
-            saturation: None,
-            single: false,
-            device: crate::gpu::Device::Cpu,
-            surface_axis: None,
             terms: vec![make],
+            ..Setup::new(Models::new(set, operator), 0.7, cells)
         };
         Fluid::new(setup, &Domain::serial(SplitAxis::X, cells[0], true)).unwrap()
     }

@@ -934,15 +934,6 @@ impl Field {
         }
         gradient
     }
-
-    /// Returns the size of the memory in bytes.
-    #[must_use]
-    pub fn bytes(&self) -> usize {
-        2 * 3 * self.array * size_of::<f32>()
-            + self.places.len() * size_of::<u32>()
-            + self.adjacent.capacity() * size_of::<AdjacentSurfaces>()
-            + self.found.iter().map(Vec::capacity).sum::<usize>() * size_of::<BodyWall>()
-    }
 }
 
 #[cfg(test)]

@@ -3,11 +3,6 @@
 //!
 //! It does not vanish in laminar shear or at walls, unlike WALE ([`super::wale`]).
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets: [m]"
-)]
-
 use super::{REASON, TurbulenceModel, strain_squared};
 use crate::lanes::Lanes;
 use base::family::Description;
@@ -19,7 +14,7 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct Smagorinsky {
-    /// Model constant C_s [1]: from 0.1 in channels to 0.18 in free turbulence.
+    /// Model constant C_s \[1\]: from 0.1 in channels to 0.18 in free turbulence.
     #[serde(default = "constant")]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub constant: f64,

@@ -6,11 +6,6 @@
 //! pure shear, grows with the cube of the distance from a wall, and is (2/3)^¼ (C_w Δ)² Ω in a rotation with
 //! angular velocity Ω.
 
-#![allow(
-    rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, with units in brackets: [m]"
-)]
-
 use super::{REASON, TurbulenceModel, strain_squared};
 use crate::lanes::Lanes;
 use crate::lattice::unroll;
@@ -25,7 +20,7 @@ use serde_json::json;
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct Wale {
-    /// Model constant C_w [1]: from 0.325 in channels to 0.5 (Nicoud and Ducros 1999).
+    /// Model constant C_w \[1\]: from 0.325 in channels to 0.5 (Nicoud and Ducros 1999).
     #[serde(default = "one_half")]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub constant: f64,

@@ -1,10 +1,11 @@
 //! The state of the fluid at points, interpolated linearly along each axis from the cell centres around them.
 
 use super::quantity::Quantity;
-use super::{Heading, POSITION, Rows, VELOCITY, distance, fluid};
+use super::{Heading, POSITION, Rows, VELOCITY, fluid};
 use crate::view::StateView;
 use base::error::Error;
 use base::number::{real, whole};
+use base::vector::distance;
 use coupling::FluidView;
 use decomposition::Domain;
 use dem::space::Space;

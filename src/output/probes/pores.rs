@@ -2,9 +2,10 @@
 
 use super::points::{along, line_headings};
 use super::quantity::Quantity;
-use super::{Heading, Rows, VELOCITY, distance, sampled_if_solved};
+use super::{Heading, Rows, VELOCITY, sampled_if_solved};
 use crate::view::StateView;
 use base::error::Error;
+use base::vector::distance;
 use coupling::seepage::Seepage;
 use dem::space::Space;
 use plan::scene::Scene;

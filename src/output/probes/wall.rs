@@ -63,7 +63,7 @@ impl Wall {
     /// known: a checkpoint contains none.
     fn start(&mut self, plan: &Plan, resumed_at: Option<u64>) -> Result<(), Error> {
         let flow = plan.scene.flow.as_ref().ok_or_else(no_fluid)?;
-        let velocities = flow.lattice.velocities();
+        let velocities = flow.models.lattice.velocities();
         self.reference = reference(self.face, flow, &plan.scene.grid, &velocities);
         self.first = resumed_at.or((plan.clock.warm_up_steps == 0).then_some(0));
         Ok(())
@@ -246,7 +246,7 @@ mod tests {
     use lbm::boundary::convective_outflow::{Carried, ConvectiveOutflowLinks};
     use lbm::boundary::{Patch, Ramp, Rule, free_slip, no_slip, pressure};
     use lbm::collision::{Operator, bgk};
-    use lbm::fluid::{Fluid, Force, Setup};
+    use lbm::fluid::{Fluid, Models, Setup};
     use lbm::lattice::VelocitySet;
     use std::path::Path;
 
@@ -317,20 +317,12 @@ mod tests {
             })
             .collect();
         let setup = Setup {
-            set: VelocitySet::D2Q9,
-            operator: Operator::Bgk(bgk::BgkParameters {}),
-            relaxation_time: 0.8,
-
-            turbulence: None,
-            force: Force::None,
-            cells: plan.scene.grid.cells,
-            periodic: [false; 3],
             patches,
-            saturation: None,
-            single: false,
-            device: lbm::gpu::Device::Cpu,
-            surface_axis: None,
-            terms: Vec::new(),
+            ..Setup::new(
+                Models::new(VelocitySet::D2Q9, Operator::Bgk(bgk::BgkParameters {})),
+                0.8,
+                plan.scene.grid.cells,
+            )
         };
         let mut fluid = Fluid::<f64>::new(setup, &Domain::serial(SplitAxis::X, 6, false)).unwrap();
         fluid.initialise(&|_| (deviation, [0.0; 3]));

@@ -7,6 +7,7 @@ use crate::scene::grains::GrainSource;
 use crate::scene::grid::Grid;
 use crate::scene::pairs::{self, Ball};
 use base::number::to_u32;
+use base::vector::{cross, dot, norm};
 use dem::contact::{ContactModel, Depth, Springs, StaticContact};
 use std::ops::ControlFlow;
 
@@ -320,7 +321,7 @@ impl ContactBuilder<'_> {
                 apart
             }
         });
-        let distance = between.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let distance = norm(between);
         let overlap = one.radius + two.radius - distance;
         if overlap <= -self.reach || distance <= 0.0 {
             return None;
@@ -360,9 +361,9 @@ impl Spring {
             .map_or(Motion::default(), |k| unscaled(&nodes[k], &vector[k]));
         let turn: [f64; 3] =
             std::array::from_fn(|a| self.arms[0] * first[1][a] + self.arms[1] * second[1][a]);
-        let turned = cross(&turn, &self.normal);
+        let turned = cross(turn, self.normal);
         let apart: [f64; 3] = std::array::from_fn(|a| second[0][a] - first[0][a] - turned[a]);
-        let along = dot(&apart, &self.normal);
+        let along = dot(apart, self.normal);
         (
             along,
             std::array::from_fn(|a| apart[a] - along * self.normal[a]),
@@ -373,7 +374,7 @@ impl Spring {
     fn energy(&self, nodes: &[Node], vector: &[Motion], which: fn(&Springs) -> [f64; 2]) -> f64 {
         let (along, across) = self.stretch(nodes, vector);
         let [normal, shear] = which(&self.constants);
-        normal * along * along + shear * dot(&across, &across)
+        normal * along * along + shear * dot(across, across)
     }
 
     /// Adds the forces of these springs for a motion.
@@ -387,7 +388,7 @@ impl Spring {
         let (along, across) = self.stretch(nodes, vector);
         let force: [f64; 3] =
             std::array::from_fn(|a| normal * along * self.normal[a] + shear * across[a]);
-        let moment = cross(&self.normal, &force);
+        let moment = cross(self.normal, force);
         for (end, sign, arm) in [
             (Some(self.first), -1.0, self.arms[0]),
             (self.second, 1.0, self.arms[1]),
@@ -404,18 +405,6 @@ impl Spring {
 
 fn unscaled(node: &Node, motion: &Motion) -> Motion {
     [0, 1].map(|part| motion[part].map(|v| node.roots[part] * v))
-}
-
-fn cross(a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
-}
-
-fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
-    a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
 /// Returns start values without a pattern: fractional parts of multiples of the golden ratio.

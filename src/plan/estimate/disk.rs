@@ -62,8 +62,8 @@ pub(super) fn checkpoint(scene: &Scene, amounts: &CostQuantities) -> f64 {
         size += CHECKPOINT_OF_GRAINS;
     }
     if let Some(flow) = &scene.flow {
-        let eddies = flow.turbulence.map_or(0.0, |_| SAVED_EDDY);
-        let numbers = real(flow.lattice.count()) * bytes(flow.storage);
+        let eddies = flow.models.turbulence.map_or(0.0, |_| SAVED_EDDY);
+        let numbers = real(flow.models.lattice.count()) * bytes(flow.storage);
         let averages = (scene.output.averages.as_ref()).map_or(0.0, |_| SAVED_AVERAGES);
         let surface = (scene.surface.as_ref()).map_or(0.0, |_| SAVED_FREE_SURFACE);
         size += amounts.cells * (numbers + eddies + averages + surface);

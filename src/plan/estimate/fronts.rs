@@ -26,6 +26,7 @@
 use crate::scene::Scene;
 use crate::scene::seepage::{Seepage, SeepagePatch};
 use base::number::real;
+use base::vector::norm;
 use case::darcy::{InitialState, TransientFlow, ZonePermeability};
 use darcy::Condition;
 use darcy::retention::RetentionLaw;
@@ -98,7 +99,7 @@ impl<'a> Ground<'a> {
     /// Returns the ground; none if no zone states a permeability or nothing has a weight.
     fn new(scene: &'a Scene, seepage: &'a Seepage) -> Option<Self> {
         let written = &seepage.written;
-        let strength = scene.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+        let strength = norm(scene.gravity);
         let weight = written.density * strength;
         let zones = written.zones.iter().filter_map(|zone| zone.permeability);
         let conductivity = zones

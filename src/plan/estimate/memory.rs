@@ -55,7 +55,7 @@ pub(super) fn count(estimate: &mut Estimate, scene: &Scene, amounts: &CostQuanti
     let solids = amounts.prepared.max(amounts.grains) + amounts.generated + amounts.bodies;
     let mut memory = PROGRAM + solids * GRAIN + amounts.blocks * BLOCK;
     if let Some(flow) = &scene.flow {
-        let velocities = flow.lattice.velocities();
+        let velocities = flow.models.lattice.velocities();
         let (cells, split) = (scene.grid.cells, scene.grid.split_axis);
         let vertical = scene.surface.as_ref().map(|surface| surface.axis);
         let order = Layout::order(velocities.dimension, cells, split, vertical);
@@ -63,8 +63,8 @@ pub(super) fn count(estimate: &mut Estimate, scene: &Scene, amounts: &CostQuanti
             Precision::F64 => (Layout::for_slab::<f64>(&velocities, cells, order), 8.0),
             Precision::F32 => (Layout::for_slab::<f32>(&velocities, cells, order), 4.0),
         };
-        let mut each = real(flow.lattice.count()) * number + CELL;
-        if flow.turbulence.is_some() {
+        let mut each = real(flow.models.lattice.count()) * number + CELL;
+        if flow.models.turbulence.is_some() {
             each += EDDY;
         }
         if scene.surface.is_some() {

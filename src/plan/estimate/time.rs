@@ -15,6 +15,7 @@ use crate::scene::grains::GrainSource;
 use crate::scene::joints::JointScene;
 use crate::scene::seepage::Seepage;
 use base::number::{real, to_u32};
+use base::vector::norm;
 use case::coupling::Coupling;
 use case::fluid::Precision;
 use lbm::lattice::VelocitySet;
@@ -64,7 +65,7 @@ const SINGLE_SPEED_UP: f64 = 1.5;
 
 /// Returns the updates per second of one core in cells without solids, in millions.
 pub(super) fn mlups(flow: &Flow) -> f64 {
-    let nanoseconds = match (flow.lattice, flow.storage) {
+    let nanoseconds = match (flow.models.lattice, flow.storage) {
         (VelocitySet::D2Q9, Precision::F64) => 5.3,
         (VelocitySet::D2Q9, Precision::F32) => 6.1,
         (VelocitySet::D3Q19, Precision::F64) => 20.0,
@@ -76,8 +77,8 @@ pub(super) fn mlups(flow: &Flow) -> f64 {
         Precision::F64 => nanoseconds,
         Precision::F32 => nanoseconds / SINGLE_SPEED_UP,
     };
-    let eddies = match flow.lattice {
-        _ if flow.turbulence.is_none() => 0.0,
+    let eddies = match flow.models.lattice {
+        _ if flow.models.turbulence.is_none() => 0.0,
         VelocitySet::D2Q9 => 4.0,
         VelocitySet::D3Q19 | VelocitySet::D3Q27 => 12.0,
     };
@@ -217,7 +218,7 @@ impl Parts {
             if scene.surface.is_some() {
                 all.wet = KIND[three];
             }
-            let kind = match flow.lattice {
+            let kind = match flow.models.lattice {
                 VelocitySet::D2Q9 => 0,
                 VelocitySet::D3Q19 => 1,
                 VelocitySet::D3Q27 => 2,
@@ -225,9 +226,10 @@ impl Parts {
             match &scene.coupling {
                 Some(Coupling::BounceBack(_)) => all.linked = LINKS[three] * LINK,
                 Some(Coupling::PartiallySaturated(_)) => {
-                    let eddies = flow.turbulence.is_some() && flow.lattice == VelocitySet::D3Q19;
+                    let eddies = flow.models.turbulence.is_some()
+                        && flow.models.lattice == VelocitySet::D3Q19;
                     all.covered = COVERED[kind] + if eddies { COVERED_EDDIES } else { 0.0 };
-                    if flow.lattice == VelocitySet::D3Q27 {
+                    if flow.models.lattice == VelocitySet::D3Q27 {
                         all.linked = JOINT * super::joints::joint_share(scene);
                     }
                 }
@@ -340,22 +342,22 @@ impl TimedRun<'_> {
             .sum();
         let solids = amounts.surface * parts.linked + amounts.covered * parts.covered;
         let interface = amounts.interface * parts.interface + amounts.wet * parts.wet;
-        let acted_on = amounts.acted_on * TERM * real(flow.lattice.count());
+        let acted_on = amounts.acted_on * TERM * real(flow.models.lattice.count());
         let beside = STEP + openings * OPENING + solids + interface + acted_on;
         all.fluid = steps * (amounts.wet * parts.cell / machine.fluid + beside / machine.grains);
         let [bed, moving] = parts.mapped;
         let mut mapped = amounts.moving_surface * moving + amounts.bed_surface * bed;
         let saturated = matches!(scene.coupling, Some(Coupling::PartiallySaturated(_)));
-        if saturated && flow.turbulence.is_some() && mapped > 0.0 {
+        if saturated && flow.models.turbulence.is_some() && mapped > 0.0 {
             mapped += amounts.surface * EDDY_CELL_TIME;
         }
         all.mapping = real(clock.steps) * mapped / machine.grains;
-        let populations = amounts.cells * real(flow.lattice.count());
-        let checked = amounts.wet * real(flow.lattice.count());
+        let populations = amounts.cells * real(flow.models.lattice.count());
+        let checked = amounts.wet * real(flow.models.lattice.count());
         let looks = steps / GUARD_EVERY + 2.0;
         all.guards = looks * checked * GUARD / machine.grains;
         all.start_and_end += populations * HASH / machine.grains;
-        let model = flow.collision.model();
+        let model = flow.models.collision.model();
         if model.growing_wave(flow.relaxation_time).is_some() {
             all.start_and_end += GROWING_WAVE / machine.grains;
         }
@@ -491,7 +493,7 @@ fn prepared_in(scene: &Scene, clock: &Clock, source: &GrainSource) -> f64 {
     match source {
         GrainSource::Growth { .. } => GROWTH_STEPS,
         GrainSource::Deposition { clouds, deposition } => {
-            let gravity = scene.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+            let gravity = norm(scene.gravity);
             let height = (0..scene.grid.dimension)
                 .map(|a| {
                     let top = clouds

@@ -16,6 +16,7 @@
 //! Spacing, time step and related fields are chosen only if a case names an `accuracy` or leaves out spacing or time
 //! step.
 
+pub mod answers;
 mod bound;
 pub mod density;
 pub(crate) mod features;
@@ -38,12 +39,13 @@ mod suspended;
 use super::Scene;
 use super::bodies::Mobility;
 use super::findings::Findings;
+use answers::PromisedAnswer;
 use base::error::Remedy;
 use case::Case;
 use case::accuracy::Accuracy;
 use case::contact::Contact;
 use case::coupling::Coupling;
-use ground::{Ground, PromisedAnswer};
+use ground::Ground;
 use lbm::boundary::Condition;
 use lbm::boundary::pressure::Held;
 use serde::Serialize;
@@ -210,9 +212,7 @@ pub(crate) fn keep_choices(scene: &mut Scene, written: &Case, like: &Scene) {
     if let (Some(flow), Some(chosen)) = (&mut scene.flow, &like.flow) {
         flow.time_step = chosen.time_step;
         flow.relaxation_time = chosen.relaxation_time;
-        flow.turbulence = chosen.turbulence;
-        flow.collision = chosen.collision;
-        flow.lattice = chosen.lattice;
+        flow.models = chosen.models;
         flow.storage = chosen.storage;
     }
     choose_extents_of_pressures(scene);
@@ -236,7 +236,7 @@ fn choose_extents_of_pressures(scene: &mut Scene) {
         || scene.grains.is_some()
         || scene.blocks.is_some();
     let Some(flow) = &mut scene.flow else { return };
-    let extent = match flow.turbulence {
+    let extent = match flow.models.turbulence {
         Some(_) => Held::Mean,
         None if moves => Held::EachCell,
         None => return,

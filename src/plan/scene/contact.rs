@@ -8,6 +8,7 @@ use super::has_polyhedra;
 use super::motion::first_and_largest;
 use base::error::Remedy;
 use base::number::to_u32;
+use base::vector::norm;
 use case::Case;
 use case::fluid::Fluid;
 use case::grains::GrainSource;
@@ -144,7 +145,6 @@ impl Scene {
 /// Returns an upper bound of the speed [m/s] at which two bodies of a case approach each other: the two largest
 /// initial speeds plus that of a fall through the domain.
 pub(crate) fn fastest_approach(case: &Case, sample: Option<&Grains>) -> f64 {
-    let size = |vector: [f64; 3]| vector.iter().map(|v| v * v).sum::<f64>().sqrt();
     let mut speeds = vec![0.0, 0.0];
     for body in &case.bodies {
         let (velocity, table) = match &body.motion {
@@ -155,17 +155,17 @@ pub(crate) fn fastest_approach(case: &Case, sample: Option<&Grains>) -> f64 {
             Motion::Fixed {} => continue,
         };
         let [_, factor] = first_and_largest(table);
-        speeds.extend(velocity.as_ref().map(|v| factor * size(v.to_array())));
+        speeds.extend(velocity.as_ref().map(|v| factor * norm(v.to_array())));
     }
     if let Some(Resolved::List(grains) | Resolved::File { grains, .. }) =
         sample.map(|grains| &grains.source)
     {
-        let moving = grains.iter().map(|grain| size(grain.velocity));
+        let moving = grains.iter().map(|grain| norm(grain.velocity));
         speeds.extend(moving.filter(|speed| *speed > 0.0));
     }
     speeds.extend(case.walls.iter().filter_map(|wall| {
         let [_, factor] = first_and_largest(wall.history.as_ref());
-        Some(factor * size(wall.velocity.as_ref()?.to_array()))
+        Some(factor * norm(wall.velocity.as_ref()?.to_array()))
     }));
     let servos = case.walls.iter().filter_map(|wall| wall.servo.as_ref());
     speeds.extend(servos.map(|servo| servo.velocity_limit));

@@ -13,9 +13,9 @@ use base::units::LatticeUnits;
 use case::Case;
 use case::coupling::{PartiallySaturated, SolidOperator, Weighting};
 use case::fluid::{
-    self, Collision, Device, LatticeBoltzmann, LatticeChoice, Pilot, Precision, Turbulence,
-    TurbulenceChoice,
+    self, Device, LatticeBoltzmann, LatticeChoice, Pilot, Precision, TurbulenceChoice,
 };
+use lbm::fluid::Models;
 pub use lbm::lattice::VelocitySet as Lattice;
 use serde::Serialize;
 use serde_json::json;
@@ -31,12 +31,9 @@ pub struct Flow {
     pub density: f64,
     /// Kinematic viscosity [m2/s].
     pub kinematic_viscosity: f64,
-    /// Velocity set.
-    pub lattice: Lattice,
-    /// Collision operator.
-    pub collision: Collision,
-    /// Eddy viscosity.
-    pub turbulence: Option<Turbulence>,
+    /// Velocity set, collision operator and eddy viscosity.
+    #[serde(flatten)]
+    pub models: Models,
     /// Storage precision of the populations.
     pub storage: Precision,
     /// Precision of the collisions.
@@ -71,8 +68,8 @@ impl Flow {
     /// Returns the operator of cells covered by solids: as given, or chosen by the relaxation time.
     #[must_use]
     pub fn solid_operator(&self, written: &PartiallySaturated) -> SolidOperator {
-        let slow = self.collision.model().antisymmetric_rate().is_some()
-            && self.turbulence.is_none()
+        let slow = self.models.collision.model().antisymmetric_rate().is_some()
+            && self.models.turbulence.is_none()
             && !self.free_surface
             && self.relaxation_time >= SLOW_RELAXATION_TIME;
         written.solid_operator.unwrap_or(if slow {
@@ -113,7 +110,7 @@ impl Flow {
         let Some(fluid::Fluid::LatticeBoltzmann(lbm)) = &case.fluid else {
             return None;
         };
-        let lattice = lattice(lbm, grid, findings);
+        let models = models(lbm, grid, findings);
         let body_force = body_force(lbm, grid, findings);
         let mut initial = initial(lbm, grid, &case.directory, findings);
         let faces = faces(lbm, grid, &case.directory, findings);
@@ -146,9 +143,7 @@ impl Flow {
         Some(Self {
             density: lbm.density,
             kinematic_viscosity: lbm.kinematic_viscosity,
-            lattice,
-            collision: lbm.collision.unwrap_or_default(),
-            turbulence: lbm.turbulence.and_then(TurbulenceChoice::model),
+            models,
             storage: lbm.storage.unwrap_or(lbm.arithmetic),
             arithmetic: lbm.arithmetic,
             device: lbm.device,
@@ -166,7 +161,8 @@ impl Flow {
     }
 }
 
-fn lattice(lbm: &LatticeBoltzmann, grid: &Grid, findings: &mut Findings) -> Lattice {
+/// Returns the models that the case states or leaves to defaults, and reports those that the dimension excludes.
+fn models(lbm: &LatticeBoltzmann, grid: &Grid, findings: &mut Findings) -> Models {
     let operator = lbm.collision.unwrap_or_default();
     let only = operator.model().only_on();
     let (lattice, dimension) = match lbm.lattice {
@@ -198,13 +194,17 @@ fn lattice(lbm: &LatticeBoltzmann, grid: &Grid, findings: &mut Findings) -> Latt
             },
         );
     }
-    let model = lbm.turbulence.and_then(TurbulenceChoice::model);
+    let turbulence = lbm.turbulence.and_then(TurbulenceChoice::model);
     if let Some(finding) =
-        model.and_then(|model| model.check(&format!("{PATH}.turbulence"), grid.dimension))
+        turbulence.and_then(|model| model.check(&format!("{PATH}.turbulence"), grid.dimension))
     {
         findings.add(finding);
     }
-    lattice
+    Models {
+        lattice,
+        collision: operator,
+        turbulence,
+    }
 }
 
 /// Reports the finding of the operator about its parameters at a relaxation time.

@@ -20,6 +20,7 @@ use super::findings::{Findings, LATTICE_PATH as PATH, number};
 use super::grid::Grid;
 use crate::scene::boundaries::ScenePatch;
 use base::error::Remedy;
+use base::vector::norm;
 use case::Case;
 use case::fluid::{GravityOnFluid, LatticeBoltzmann, Where};
 use lbm::boundary::SurfaceKind;
@@ -33,7 +34,7 @@ const LARGEST: f64 = 1e8;
 
 /// Refuses an unrealistic acceleration.
 pub(super) fn check_size(gravity: [f64; 3], findings: &mut Findings) {
-    let size = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+    let size = norm(gravity);
     if size > LARGEST {
         findings.error(
             "gravity",

@@ -8,6 +8,7 @@ mod terrain;
 mod unsaturated;
 mod zones;
 
+use base::vector::{dot, norm};
 pub(crate) use coarse::grid_of;
 pub use coarse::rescaled_widths;
 pub use drains::Drain;
@@ -297,11 +298,11 @@ impl Seepage {
     /// Returns the largest difference between imposed pressures beyond hydrostatic differences \[Pa\].
     pub(crate) fn pressure_drop(&self, gravity: [f64; 3]) -> f64 {
         let density = self.written.density;
-        let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+        let strength = norm(gravity);
         let excess = |patch: &SeepagePatch| match patch.condition {
             Condition::Pressure { value } => {
                 let place = self.centre(patch);
-                let below: f64 = (0..3).map(|a| gravity[a] * place[a]).sum();
+                let below = dot(gravity, place);
                 Some(value - density * below)
             }
             Condition::Head { value } => Some(density * strength * value),
@@ -323,7 +324,7 @@ impl Seepage {
 
     /// Returns the lowest elevation of a patch \[m\].
     fn lowest(&self, patch: &SeepagePatch, gravity: [f64; 3]) -> f64 {
-        let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+        let strength = norm(gravity);
         let lower = |a: usize| {
             let up = -gravity[a] / strength;
             let ends = if a != patch.face.axis() {
@@ -844,7 +845,7 @@ fn planes(written: &Darcy, grid: &Grid, findings: &mut Findings) -> Vec<([f64; 3
         let path = format!("{PATH}.enclosure.planes[{n}]");
         let point = AlignedBox::vector(grid, &plane.point, &format!("{path}.point"), findings);
         let normal = AlignedBox::vector(grid, &plane.normal, &format!("{path}.normal"), findings);
-        let length = normal.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let length = norm(normal);
         if !(length > 0.0 && length.is_finite()) {
             findings.error(
                 &format!("{path}.normal"),
@@ -854,7 +855,7 @@ fn planes(written: &Darcy, grid: &Grid, findings: &mut Findings) -> Vec<([f64; 3
             continue;
         }
         let outward = normal.map(|x| -x / length);
-        all.push((outward, (0..3).map(|a| outward[a] * point[a]).sum()));
+        all.push((outward, dot(outward, point)));
     }
     all
 }

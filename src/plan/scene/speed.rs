@@ -15,6 +15,7 @@ use super::flow::{BodyForce, Flow, PATH};
 use super::free_surface::Opening;
 use super::initial::Initial;
 use super::terms;
+use base::vector::norm;
 use lbm::boundary::SurfaceKind;
 use lbm::synthetic::Fluctuations;
 use std::f64::consts::PI;
@@ -175,7 +176,6 @@ fn fall_speed(scene: &Scene) -> Option<Speed> {
 
 /// Returns the speeds imposed by boundaries and by the initial state.
 pub(crate) fn imposed_on_fluid(flow: &Flow) -> Vec<Speed> {
-    let norm = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
     let mut speeds = Vec::new();
     let mut add = |what: &'static str, path: String, value: f64| {
         if value != 0.0 {
@@ -234,7 +234,6 @@ pub(crate) fn imposed_on_fluid(flow: &Flow) -> Vec<Speed> {
 /// Returns the largest surface speeds of bodies with a prescribed motion: from translation and rotation, or from
 /// rotation alone.
 pub(crate) fn of_bodies(scene: &Scene, rotation_alone: bool) -> impl Iterator<Item = Speed> {
-    let norm = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
     let bodies = scene.bodies.iter().enumerate();
     let speeds = bodies.map(move |(n, body)| Speed {
         what: SpeedCause::Body,
@@ -249,7 +248,6 @@ pub(crate) fn of_bodies(scene: &Scene, rotation_alone: bool) -> impl Iterator<It
 
 /// Returns the largest speed at which bodies move through the fluid: as prescribed, or by settling or rising.
 pub(crate) fn through_the_fluid(scene: &Scene, flow: &Flow) -> Option<Speed> {
-    let norm = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
     let driven = scene.bodies.iter().enumerate().map(|(n, body)| Speed {
         what: SpeedCause::Body,
         path: format!("bodies[{n}].motion"),
@@ -391,7 +389,7 @@ fn driving_force(scene: &Scene, flow: &Flow) -> [f64; 3] {
 
 fn force_driven(scene: &Scene, flow: &Flow) -> Option<f64> {
     let force = driving_force(scene, flow);
-    let size = force.iter().map(|f| f * f).sum::<f64>().sqrt();
+    let size = norm(force);
     let axis = (0..3).max_by(|a, b| force[*a].abs().total_cmp(&force[*b].abs()))?;
     if size == 0.0 || !scene.grid.periodic[axis] {
         // A force against walls causes pressure, not flow.
@@ -401,14 +399,14 @@ fn force_driven(scene: &Scene, flow: &Flow) -> Option<f64> {
     let height = height - bed(scene, flow, axis).min(0.75 * height);
     let viscous = size * height * height / (8.0 * flow.density * flow.kinematic_viscosity);
     let start = match &flow.initial {
-        Initial::Uniform { velocity, .. } => velocity.iter().map(|x| x * x).sum::<f64>().sqrt(),
+        Initial::Uniform { velocity, .. } => norm(*velocity),
         Initial::Channel { peak, .. } => peak.abs(),
         _ => 0.0,
     };
     let estimate = match flow.body_force {
         // The flow is not faster than the force could accelerate it in the time available.
         BodyForce::Constant(_) => {
-            let steady = if flow.turbulence.is_some() {
+            let steady = if flow.models.turbulence.is_some() {
                 viscous.min(turbulent(size, height, flow))
             } else {
                 viscous

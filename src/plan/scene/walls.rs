@@ -4,6 +4,7 @@ mod flush;
 mod in_water;
 mod servo;
 
+use base::vector::norm;
 pub(crate) use in_water::walls_in_water;
 pub use servo::SceneServo;
 
@@ -243,7 +244,7 @@ impl Plane {
         let point = AlignedBox::vector(grid, &written.point, &format!("{path}.point"), findings);
         let path = format!("{path}.normal");
         let normal = AlignedBox::vector(grid, &written.normal, &path, findings);
-        let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
+        let length = norm(normal);
         if !(length > 0.0 && length.is_finite()) {
             findings.error(
                 &path,

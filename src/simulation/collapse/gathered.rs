@@ -4,6 +4,7 @@ use crate::removal::{boxed, rows};
 use crate::view::StateView;
 use analysis::ground_collapse::measure::{MeasuredGrain, Point};
 use base::error::Error;
+use base::vector::norm;
 use dem::space::{Components, Space};
 use plan::scene::collapse::{GroundCollapse, SeepagePoint};
 
@@ -59,7 +60,7 @@ pub(super) fn gather<S: Space>(
             // Each contact is reported once: by the rank that owns its first grain.
             if let Some(other) = contact.other
                 && contact.bonded
-                && length(moved(view, contact.grain)) > loose
+                && norm(moved(view, contact.grain)) > loose
             {
                 for k in [contact.grain, other] {
                     bonds.extend(particles.body[k].id.to_le_bytes());
@@ -107,11 +108,6 @@ fn moved<S: Space>(view: &StateView<'_, S>, k: usize) -> [f64; 3] {
             }
         })
     })
-}
-
-/// Returns the length of a vector.
-pub(super) fn length(v: [f64; 3]) -> f64 {
-    (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt()
 }
 
 /// Returns the box of a seepage point in the frame of the analysis.

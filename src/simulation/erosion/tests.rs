@@ -12,7 +12,7 @@ use dem::space::PlaneSpace;
 use dem::{Body, Kind, Motion, Particles, alone};
 use lbm::boundary::{Flux, Patch, Ramp, pressure};
 use lbm::collision::{Operator, trt};
-use lbm::fluid::{Fluid, Force, Setup};
+use lbm::fluid::{Fluid, Models, Setup};
 use lbm::lattice::VelocitySet;
 use lbm::links::Scheme;
 use nalgebra::Vector2;
@@ -234,20 +234,15 @@ fn traction_by_momentum_exchange_agrees_with_the_velocity_gradient() {
         )),
     };
     let setup = Setup {
-        set: VelocitySet::D2Q9,
-        operator: Operator::Trt(trt::TrtParameters { magic: 3.0 / 16.0 }),
-        relaxation_time: 1.1,
-
-        turbulence: None,
-        force: Force::None,
-        cells: [100, 40, 1],
-        periodic: [false; 3],
         patches: vec![patch("inlet", false, DROP), patch("outlet", true, 0.0)],
-        saturation: None,
-        single: false,
-        device: lbm::gpu::Device::Cpu,
-        surface_axis: None,
-        terms: Vec::new(),
+        ..Setup::new(
+            Models::new(
+                VelocitySet::D2Q9,
+                Operator::Trt(trt::TrtParameters { magic: 3.0 / 16.0 }),
+            ),
+            1.1,
+            [100, 40, 1],
+        )
     };
     let settings = BounceBackSettings {
         scheme: Scheme::HalfWay,

@@ -7,6 +7,7 @@ use super::covered::covered_openings;
 use super::state_check::LatticeOrder;
 use base::error::Error;
 use base::number::real;
+use base::vector::norm;
 use coupling::lattice::LatticeFlow;
 use decomposition::Communicator;
 use dem::deepest::{Deepest, OtherSide};
@@ -138,7 +139,7 @@ fn state<Sp: Space, S: Stored>(
     let local: [usize; 3] = std::array::from_fn(|a| cell[a].wrapping_sub(start[a]));
     let units = plan.units.filter(|_| inside)?;
     let (drho, u) = fluid.state(fluid.populations().interior_cell(local));
-    let speed = u.iter().map(|u| u * u).sum::<f64>().sqrt();
+    let speed = norm(u);
     let guards = &plan.scene.guards;
     let velocity = format!("lattice velocity {} (|u| dt/h), {} m/s", number(speed), {
         number(units.velocity_to_si(speed))

@@ -364,14 +364,14 @@ pub fn with_choices_stated(plan: &Plan) -> Result<Value, Error> {
     }
     if let Some(flow) = &scene.flow {
         let lbm = &mut tree["fluid"]["lattice_boltzmann"];
-        lbm["collision"] = serde_json::to_value(flow.collision).map_err(wrong)?;
-        lbm["lattice"] = match flow.lattice {
+        lbm["collision"] = serde_json::to_value(flow.models.collision).map_err(wrong)?;
+        lbm["lattice"] = match flow.models.lattice {
             Lattice::D2Q9 => "d2q9",
             Lattice::D3Q19 => "d3q19",
             Lattice::D3Q27 => "d3q27",
         }
         .into();
-        lbm["turbulence"] = match flow.turbulence {
+        lbm["turbulence"] = match flow.models.turbulence {
             Some(model) => serde_json::to_value(model).map_err(wrong)?,
             None => "none".into(),
         };

@@ -212,7 +212,7 @@ fn resistance(case: &mut Value, plan: &Plan, _: Scaling) -> Option<String> {
 }
 
 fn eddies(case: &mut Value, plan: &Plan, _: Scaling) -> Option<String> {
-    let model = json!(plan.scene.flow.as_ref()?.turbulence?);
+    let model = json!(plan.scene.flow.as_ref()?.models.turbulence?);
     let wale = model.get("wale").is_some();
     let constant = if wale { OTHER_WALE } else { 0.5 };
     case["fluid"]["lattice_boltzmann"]["turbulence"] = json!({"wale": {"constant": constant}});

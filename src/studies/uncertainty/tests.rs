@@ -35,10 +35,7 @@ fn what_the_program_chose_is_stated_on_the_same_cells() {
             own.clock.solid_steps_per_step
         );
         if let (Some(a), Some(b)) = (&again.scene.flow, &own.scene.flow) {
-            assert_eq!(
-                (a.collision, a.lattice, a.turbulence),
-                (b.collision, b.lattice, b.turbulence)
-            );
+            assert_eq!(a.models, b.models);
             assert_eq!(a.storage, b.storage);
             approx::assert_relative_eq!(a.time_step, b.time_step, max_relative = 1e-12);
         }

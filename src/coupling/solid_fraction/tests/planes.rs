@@ -5,12 +5,9 @@
 //! planes the volume is ⅓ Σ area times distance over the faces of the remaining solid, each face clipped
 //! independently.
 
+use base::vector::dot;
 use lbm::links::CellPlane;
 use nalgebra::Vector3;
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
 
 /// Lengths (in cells) below which a cut does not count.
 const TOUCH: f64 = 1e-12;

@@ -6,6 +6,7 @@
 use super::Unsaturated;
 use crate::pressure::boundary::head_pressure;
 use crate::pressure::{Condition, Pressure};
+use base::vector::dot;
 
 impl Pressure {
     /// Returns the degree of saturation of a cell: volume of water over volume of pores \[1\]; 1 where all ground is
@@ -43,7 +44,7 @@ impl Pressure {
         let mut at = grid.centre(grid.cell(cell));
         let half = 0.5 * grid.width(axis, grid.cell(cell));
         at[axis] += if upper { half } else { -half };
-        let below: f64 = (0..3).map(|a| weight[a] * at[a]).sum();
+        let below = dot(weight, at);
         let of_head = |head: f64| head_pressure(&self.liquid, &self.settings, head) + below;
         match self.condition(cell, axis, upper)? {
             Condition::Pressure { value } => Some(value),

@@ -2,7 +2,7 @@
 
 #[cfg(test)]
 use super::cell_by_cell;
-use super::{Choice, Chosen, Step};
+use super::{Choice, Chosen, Models, Step};
 use crate::collision::{Dispatch, Kernels, Operator};
 use crate::kernel;
 use crate::lanes::Stored;
@@ -29,31 +29,27 @@ pub fn collides_in_single(operator: Operator) -> bool {
 }
 
 impl Choice {
-    /// Returns the pass in f32 for a velocity set; none for populations in f64, cells that solids may cover, an eddy
+    /// Returns the pass in f32; none for populations in f64, cells that solids may cover, an eddy
     /// viscosity, or an operator without a pass in f32.
-    pub(in crate::fluid) fn in_single<S: Stored>(
-        self,
-        set: VelocitySet,
-    ) -> Option<Box<dyn Step<S>>> {
-        let step: Box<dyn Any> = Box::new(self.step(set)?);
+    pub(in crate::fluid) fn in_single<S: Stored>(self) -> Option<Box<dyn Step<S>>> {
+        let step: Box<dyn Any> = Box::new(self.step_in_single()?);
         // The types of `Step<f32>` and `Step<S>` are equal if populations are stored in f32.
         step.downcast::<Box<dyn Step<S>>>().ok().map(|step| *step)
     }
 
-    fn step(self, set: VelocitySet) -> Option<Box<dyn Step<f32>>> {
-        if self.covered || self.eddies.is_some() {
+    fn step_in_single(self) -> Option<Box<dyn Step<f32>>> {
+        let Models {
+            lattice,
+            collision,
+            turbulence,
+        } = self.models;
+        if self.covered || turbulence.is_some() {
             return None;
         }
-        match set {
-            VelocitySet::D2Q9 => self
-                .operator
-                .dispatch_single(ForVelocitySet::<D2Q9, 9>::new(self)),
-            VelocitySet::D3Q19 => self
-                .operator
-                .dispatch_single(ForVelocitySet::<D3Q19, 19>::new(self)),
-            VelocitySet::D3Q27 => self
-                .operator
-                .dispatch_single(ForVelocitySet::<D3Q27, 27>::new(self)),
+        match lattice {
+            VelocitySet::D2Q9 => collision.dispatch_single(ForVelocitySet::<D2Q9, 9>::new(self)),
+            VelocitySet::D3Q19 => collision.dispatch_single(ForVelocitySet::<D3Q19, 19>::new(self)),
+            VelocitySet::D3Q27 => collision.dispatch_single(ForVelocitySet::<D3Q27, 27>::new(self)),
         }
     }
 

@@ -13,19 +13,9 @@ const UNIT: f64 = 1.0 / 16_777_216.0;
 
 fn setup(set: VelocitySet, operator: Operator, cells: [usize; 3]) -> Setup<f32> {
     Setup {
-        set,
-        operator,
-        relaxation_time: 0.7,
-        turbulence: None,
-        force: Force::None,
-        cells,
         periodic: [true, false, true],
-        patches: Vec::new(),
-        saturation: None,
         single: true,
-        device: Device::Cpu,
-        surface_axis: None,
-        terms: Vec::new(),
+        ..Setup::new(Models::new(set, operator), 0.7, cells)
     }
 }
 
@@ -118,7 +108,7 @@ fn every_width_of_lanes_gives_the_same_bits() {
                         lid(),
                         patch(0, Box::new(pressure::PressureLinks::new(0, ramp))),
                     ];
-                    let pass = Choice::from_setup(&s, level).in_single(set).unwrap();
+                    let pass = Choice::from_setup(&s, level).in_single().unwrap();
                     let mut fluid = serial(0, s).unwrap();
                     fluid.pass = pass;
                     fluid.initialise(&swirl);
@@ -252,7 +242,7 @@ fn what_has_no_collision_in_f32_is_refused() {
     };
     assert_eq!(reason(plain()), "");
     let mut eddies = plain();
-    eddies.turbulence = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
+    eddies.models.turbulence = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
     assert!(reason(eddies).contains("no collision in f32"));
     let mut covered = plain();
     covered.saturation = Some(SaturationMethod {
@@ -262,7 +252,7 @@ fn what_has_no_collision_in_f32_is_refused() {
     assert!(reason(covered).contains("no collision in f32"));
     let cumulants = Operator::Cumulant(cumulant::CumulantParameters::default());
     let mut other = plain();
-    other.operator = cumulants;
+    other.models.collision = cumulants;
     assert!(reason(other).contains("no collision in f32"));
     assert!(collides_in_single(trt()) && !collides_in_single(cumulants));
     let mut on_gpu = plain();

@@ -1,7 +1,7 @@
 use super::super::super::links::Load;
 use super::super::*;
 use crate::collision::{Operator, trt};
-use crate::fluid::{Fluid, Force, Setup};
+use crate::fluid::{Fluid, Models, Setup};
 use crate::lattice::VelocitySet;
 use crate::links::Rigid;
 use crate::quanta::from_quanta;
@@ -25,22 +25,16 @@ fn channel(solid_operator: SolidOperator, set: VelocitySet, tau: f64) -> Fluid<f
         _ => [4, HEIGHT, 5],
     };
     let setup = Setup {
-        set,
-        operator: Operator::Trt(trt::TrtParameters { magic: 3.0 / 16.0 }),
-        relaxation_time: tau,
-        turbulence: None,
-        force: Force::None,
-        cells,
         periodic: [true, false, true],
-        patches: Vec::new(),
         saturation: Some(SaturationMethod {
             operator: solid_operator,
             weighting: Weighting::Viscous,
         }),
-        single: false,
-        device: crate::gpu::Device::Cpu,
-        surface_axis: None,
-        terms: Vec::new(),
+        ..Setup::new(
+            Models::new(set, Operator::Trt(trt::TrtParameters { magic: 3.0 / 16.0 })),
+            tau,
+            cells,
+        )
     };
     Fluid::new(setup, &Domain::serial(SplitAxis::X, cells[0], true)).unwrap()
 }

@@ -142,7 +142,7 @@ fn the_momentum_is_closed_at_bodies_that_stand_on_faces() {
             for slips in [0, 1, 3, 5] {
                 let faces = [(1, false), (0, false), (0, true), (2, false), (2, true)];
                 let mut tank = tank(cells, Weighting::Viscous);
-                tank.set = set;
+                tank.models.lattice = set;
                 let kept = faces[..slips].iter().copied();
                 tank.slip_at = kept.filter(|face| cells[2] > 1 || face.0 != 2).collect();
                 let mut body = Box::new(low, edges, cells);

@@ -175,7 +175,7 @@ impl Scene {
 
     /// Returns all axes along which the tank may be cut.
     fn axes(&self) -> std::ops::Range<usize> {
-        0..self.tank.set.velocities().dimension
+        0..self.tank.models.lattice.velocities().dimension
     }
 }
 
@@ -223,18 +223,18 @@ fn scene(seed: u64) -> Scene {
     }
     let mut tank = Tank::new(cells);
     if !flat {
-        tank.set = [VelocitySet::D3Q19, VelocitySet::D3Q27][draw.below(2)];
+        tank.models.lattice = [VelocitySet::D3Q19, VelocitySet::D3Q27][draw.below(2)];
     }
-    tank.operator = match draw.below(3) {
+    tank.models.collision = match draw.below(3) {
         0 => Operator::Bgk(bgk::BgkParameters {}),
-        1 if tank.set == VelocitySet::D3Q27 => {
+        1 if tank.models.lattice == VelocitySet::D3Q27 => {
             Operator::Cumulant(cumulant::CumulantParameters { bulk: 1.0 })
         }
         _ => Operator::Trt(trt::TrtParameters { magic: 0.25 }),
     };
     tank.tau = 0.53 + 0.2 * draw.uniform();
     if draw.below(4) == 0 {
-        tank.turbulence = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
+        tank.models.turbulence = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
     }
     let up = draw.below(dimension);
     let mut force = [0.0; 3];

@@ -5,6 +5,7 @@ use super::{Tank, bits, mass, step};
 use crate::fluid::Fluid;
 use crate::surface::SurfaceTension;
 use crate::surface::kind::LIQUID;
+use base::vector::norm;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Contact angles of 90 degrees at all walls.
@@ -51,7 +52,7 @@ fn inside(fluid: &Fluid<f64>, centre: [f64; 3], radius: f64) -> [f64; 2] {
             continue;
         }
         let (density, u) = fluid.populations().moments(cell);
-        let speed = u.iter().map(|u| u * u).sum::<f64>().sqrt();
+        let speed = norm(u);
         if surface.kinds()[cell] == LIQUID {
             most = most.max(speed);
         }

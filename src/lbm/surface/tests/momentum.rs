@@ -46,7 +46,7 @@ fn the_momentum_of_each_step_is_closed_between_any_faces() {
         for first in 0..faces.len() {
             for last in first..faces.len() {
                 let mut tank = Tank::new(cells);
-                tank.set = set;
+                tank.models.lattice = set;
                 tank.tau = 0.53;
                 tank.split = last % 3;
                 let slips = faces[first..=last].iter();

@@ -3,7 +3,7 @@
 
 use crate::boundary::{Patch, Strength, outfall, velocity};
 use crate::collision::{Operator, bgk};
-use crate::fluid::{Fluid, Force, Setup};
+use crate::fluid::{Fluid, Models, Setup};
 use crate::lattice::VelocitySet;
 use crate::links::Rigid;
 use crate::links::fixed::FixedLink;
@@ -21,23 +21,19 @@ fn fluid(cells: [usize; 3]) -> Fluid<f64> {
 
 /// Returns a fluid between walls across y, with conditions on parts of them.
 fn open_fluid(cells: [usize; 3], patches: Vec<Patch>) -> Fluid<f64> {
+    let smagorinsky = serde_json::from_str::<EddyViscosity>(r#"{"smagorinsky": {}}"#).unwrap();
+    let models = Models {
+        turbulence: Some(smagorinsky),
+        ..Models::new(VelocitySet::D3Q19, Operator::Bgk(bgk::BgkParameters {}))
+    };
     let setup = Setup {
-        set: VelocitySet::D3Q19,
-        operator: Operator::Bgk(bgk::BgkParameters {}),
-        relaxation_time: TAU,
-        turbulence: Some(serde_json::from_str::<EddyViscosity>(r#"{"smagorinsky": {}}"#).unwrap()),
-        force: Force::None,
-        cells,
         periodic: [true, false, true],
         patches,
         saturation: Some(SaturationMethod {
             operator: SolidOperator::NonEquilibriumBounceBack,
             weighting: Weighting::Fraction,
         }),
-        single: false,
-        device: crate::gpu::Device::Cpu,
-        surface_axis: None,
-        terms: Vec::new(),
+        ..Setup::new(models, TAU, cells)
     };
     Fluid::new(setup, &Domain::serial(SplitAxis::X, cells[0], true)).unwrap()
 }

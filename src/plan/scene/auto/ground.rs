@@ -21,6 +21,7 @@
 
 mod lengths;
 
+use super::answers::{self, ESTIMATE, Kind, PromisedAnswer, line_of_length};
 use super::bound::{Bound, Point};
 use super::spacing::{SEEPAGE_CELLS, Spacing, fits_one, whole_cells};
 use super::{Subject, measured, requested_accuracy};
@@ -35,7 +36,7 @@ use case::Case;
 use case::darcy::InitialState;
 pub use lengths::{Ground, GroundLength};
 use lengths::{INFILTRATION, MIN_LAYER, WITHIN_CELLS};
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
@@ -49,13 +50,6 @@ const MIN_ERROR: f64 = 1e-5;
 /// Largest bound that the plan promises. Next to a front, heads have no smaller bound, because they change there by
 /// their whole range.
 const MAX_ERROR: f64 = 0.3;
-/// Fraction of the rows below a bound, and the margin m of its factor 1 + m/k for k problems. The errors of the rows
-/// of one problem are correlated, so that both are larger than those of lattices.
-const FRACTION: f64 = 0.975;
-const MARGIN: f64 = 5.0;
-/// Minimum number of problems of a bound.
-const MIN_PROBLEMS: usize = 4;
-
 /// Measured error of an answer on one grid.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -73,51 +67,6 @@ pub(crate) struct Row {
     widening: f64,
     /// Largest error on this grid and finer ones.
     error: f64,
-}
-
-/// Error promised for an answer.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct PromisedAnswer {
-    /// Name of the answer, as `solver estimate` prints it.
-    pub answer: String,
-    /// Kind of the answer, as in the table of measured errors.
-    pub kind: &'static str,
-    /// Bound of the error at a confidence of 95 % \[1\]; none if no row covers the answer.
-    pub error: Option<f64>,
-    /// Value to which the error is relative, in the unit of the answer; none for the answer itself.
-    pub scale: Option<f64>,
-}
-
-impl PromisedAnswer {
-    /// Returns an answer without an error.
-    pub(super) fn new(answer: String, kind: &'static str, scale: Option<f64>) -> Self {
-        Self {
-            answer,
-            kind,
-            error: None,
-            scale,
-        }
-    }
-
-    /// Returns the sentence of a bound of the error, which covers a number of measured rows.
-    pub(super) fn sentence(&self, error: f64, rows: usize) -> String {
-        let percent = number(100.0 * error);
-        let within = match self.scale {
-            Some(scale) => format!(
-                "{} ({percent} % of {})",
-                number(error * scale),
-                number(scale)
-            ),
-            None => format!("{percent} %"),
-        };
-        let name = &self.answer;
-        format!("{name}: within {within}, the 95 % confidence bound of {rows} measured rows")
-    }
-}
-
-/// Returns the line of a length [m] and the cells across it.
-pub(super) fn line_of_length(what: &str, size: f64, cells: f64) -> String {
-    format!("{what}, {} m, {} cells", number(size), number(cells))
 }
 
 /// Returns all rows.
@@ -143,25 +92,20 @@ fn bound_of(rows: &[&'static Row]) -> Option<Bound> {
             error: row.error.max(MIN_ERROR),
         })
         .collect();
-    let problems = rows.iter().map(|row| row.problem.as_str()).collect();
-    let bound =
-        (!points.is_empty()).then(|| Bound::of_points(&points, problems, [FRACTION, MARGIN]))?;
-    (bound.problems.len() >= MIN_PROBLEMS).then_some(bound)
+    answers::bound_of(
+        &points,
+        rows.iter().map(|row| row.problem.as_str()).collect(),
+    )
 }
 
 /// Returns the rows by kind of ground and kind of answer.
-fn groups() -> BTreeMap<(&'static str, &'static str), Vec<&'static Row>> {
-    let mut groups: BTreeMap<_, Vec<&'static Row>> = BTreeMap::new();
-    for row in rows() {
-        let key = (row.ground.as_str(), row.answer.as_str());
-        groups.entry(key).or_default().push(row);
-    }
-    groups
+fn groups() -> BTreeMap<Kind, Vec<&'static Row>> {
+    answers::groups(rows(), |row| (&row.ground, &row.answer))
 }
 
 /// Returns the bound of an answer in a kind of ground; none if it was not measured.
 fn bound(ground: &str, answer: &str) -> Option<&'static Bound> {
-    static BOUNDS: LazyLock<BTreeMap<(&'static str, &'static str), Bound>> = LazyLock::new(|| {
+    static BOUNDS: LazyLock<BTreeMap<Kind, Bound>> = LazyLock::new(|| {
         let found = groups()
             .into_iter()
             .filter_map(|(key, rows)| Some((key, bound_of(&rows)?)));
@@ -204,8 +148,7 @@ pub(super) fn promise(
     scene.chosen.details = details(&ground, &answers);
     let text = summary(&ground, &answers);
     scene.chosen.note(Subject::Accuracy, text);
-    let largest = answers.iter().filter_map(|a| a.error).reduce(f64::max);
-    let all = answers.iter().all(|answer| answer.error.is_some());
+    let (largest, all) = answers::largest(&answers);
     scene.chosen.promised = largest.filter(|_| all);
     if let (Some(target), Some(largest), Some(length)) = (target, largest, ground.lengths.first())
         && largest > target * (1.0 + 1e-9)
@@ -227,17 +170,8 @@ pub(super) fn promise(
     scene.chosen.answers = answers;
 }
 
-const ESTIMATE: &str =
-    "`solver estimate` runs the case on other cells and gives an interval for each answer";
-
 /// Returns the sentence of the plan about the promised errors.
 fn summary(ground: &Ground, answers: &[PromisedAnswer]) -> String {
-    let mut of_kinds: BTreeMap<&str, f64> = BTreeMap::new();
-    for answer in answers {
-        if let Some(error) = answer.error {
-            of_kinds.insert(answer.kind, error);
-        }
-    }
     let Some(length) = ground.lengths.first() else {
         return format!("nothing is promised: the ground has no extent; {ESTIMATE}");
     };
@@ -255,25 +189,9 @@ fn summary(ground: &Ground, answers: &[PromisedAnswer]) -> String {
         number(length.size),
         ground.kind
     );
-    if of_kinds.is_empty() {
-        return format!("nothing is promised: no measured row covers {across}; {ESTIMATE}");
-    }
-    let parts: Vec<String> = of_kinds
-        .iter()
-        .map(|(kind, error)| format!("{kind} {} %", number(100.0 * error)))
-        .collect();
-    let missing = answers
-        .iter()
-        .filter(|answer| answer.error.is_none())
-        .count();
-    let rest = match missing {
-        0 => String::new(),
-        _ => format!("; nothing for {missing} answers, which `solver plan --details` lists"),
-    };
-    format!(
-        "{} at a confidence of 95 %, with {across}{rest}",
-        parts.join(", ")
-    )
+    answers::summary(answers, &across).unwrap_or_else(|| {
+        format!("nothing is promised: no measured row covers {across}; {ESTIMATE}")
+    })
 }
 
 /// Returns a line for each answer and each length.

@@ -22,6 +22,7 @@ use crate::scene::bodies::{Mobility, NamedBody};
 use crate::scene::flow::Flow;
 use crate::scene::speed::settling;
 use base::geometry::Face;
+use base::vector::norm;
 use std::f64::consts::PI;
 
 /// Minimum ratio of the estimates to the results of runs: the sound of a start spreads, and guards check only at
@@ -52,14 +53,14 @@ pub(super) fn causes(scene: &Scene, flow: &Flow) -> Vec<Cause> {
             Mobility::Fixed => {}
             Mobility::Driven => {
                 let path = format!("bodies[{n}].motion");
-                let speed = size(body.largest_motion()[0]);
+                let speed = norm(body.largest_motion()[0]);
                 causes.extend(change_of_motion(scene, flow, &path, (body, radius)));
                 causes.extend(around(scene, flow, path, radius, speed));
             }
             Mobility::Free => {
                 let path = format!("bodies[{n}].motion.free");
                 let speed = settling::body_settling_speed(scene, flow, 2.0 * radius, body.material)
-                    .max(size(body.velocity));
+                    .max(norm(body.velocity));
                 causes.extend(impact(scene, flow, &path, (body, radius), speed));
                 causes.extend(squeeze(scene, flow, &path, (body, radius), speed));
                 causes.extend(around(scene, flow, path, radius, speed));
@@ -79,10 +80,6 @@ pub(super) fn causes(scene: &Scene, flow: &Flow) -> Vec<Cause> {
     worst
 }
 
-fn size(v: [f64; 3]) -> f64 {
-    v.iter().map(|x| x * x).sum::<f64>().sqrt()
-}
-
 fn change_of_motion(
     scene: &Scene,
     flow: &Flow,
@@ -90,7 +87,7 @@ fn change_of_motion(
     (body, radius): (&NamedBody, f64),
 ) -> Option<Cause> {
     let table = body.history.as_deref();
-    let changes = changes(table, [size(body.velocity), 0.0], 0.0, scene.time.end);
+    let changes = changes(table, [norm(body.velocity), 0.0], 0.0, scene.time.end);
     let what = if table.is_some() {
         "the pressure wave of a body whose velocity changes"
     } else {
@@ -171,7 +168,7 @@ pub(super) fn film(
         FILM[kind] * flow.density * flow.kinematic_viscosity * speed * radius / (width * width);
     let mass = scene.mass(material, radius);
     let lighter = 1.0 - flow.density / scene.density(material);
-    let force = mass * (lighter.abs() * size(scene.gravity) + 0.5 * speed * speed / width);
+    let force = mass * (lighter.abs() * norm(scene.gravity) + 0.5 * speed * speed / width);
     let borne = if kind == 0 {
         2.0 * force / (PI * (2.0 * radius * width).sqrt())
     } else {
@@ -217,7 +214,7 @@ pub(crate) fn reached_faces(
         } else {
             position[axis]
         };
-        let path = gravity[axis].abs() / size(gravity) * speed * scene.time.end;
+        let path = gravity[axis].abs() / norm(gravity) * speed * scene.time.end;
         let drop = way - radius;
         (drop > 0.0 && drop <= path).then(|| ReachedFace {
             face: Face::ALL[2 * axis + usize::from(upward)],

@@ -255,11 +255,11 @@ fn uncovered_models(scene: &Scene, flow: &Flow, lattice_velocity: f64) -> Vec<St
         .iter()
         .filter_map(|term| term.model().unmeasured());
     new.extend(terms.map(|subject| format!("no error was measured for {subject}")));
-    if flow.turbulence.is_some() {
+    if flow.models.turbulence.is_some() {
         new.push("a turbulence model is used, whose error was not measured".to_owned());
     }
     let tau = flow.relaxation_time;
-    if flow.collision.model().antisymmetric_rate().is_none() {
+    if flow.models.collision.model().antisymmetric_rate().is_none() {
         new.push(
             "the errors were measured with two relaxation times (TRT), not with this operator"
                 .to_owned(),

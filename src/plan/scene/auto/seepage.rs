@@ -26,6 +26,7 @@ use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use crate::scene::grains::Grains;
 use base::number::to_u32;
+use base::vector::norm;
 use serde::Deserialize;
 use std::sync::LazyLock;
 
@@ -122,8 +123,7 @@ impl Bed {
         let grains: &Grains = scene.grains.as_ref()?;
         let (low, high) = grains.radii?;
         let density = scene.density(grains.material);
-        let size = |g: [f64; 3]| g.iter().map(|g| g * g).sum::<f64>().sqrt();
-        let gravity = size(scene.gravity);
+        let gravity = norm(scene.gravity);
         let height = seepage.height(scene.gravity, scene.grid.dimension);
         let buoyant = (density - seepage.written.density).max(0.0);
         let stress = SOLID * buoyant * gravity * height + seepage.pressure_drop(scene.gravity);

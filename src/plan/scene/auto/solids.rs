@@ -7,6 +7,7 @@ use crate::scene::contact::{ContactTable, fastest_approach};
 use crate::scene::findings::{Findings, number};
 use crate::scene::grains::GrainSource;
 use base::error::Remedy;
+use base::vector::norm;
 use case::Case;
 use case::contact::Contact;
 use case::coupling::{BounceBack, Coupling, PartiallySaturated, Scheme};
@@ -254,7 +255,7 @@ fn stiffness(scene: &Scene, case: &Case, target: Option<f64>) -> (f64, String) {
     if let Some(chosen) = target.and_then(|target| seepage::stiffness(scene, target, impact)) {
         return chosen;
     }
-    let gravity = scene.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+    let gravity = norm(scene.gravity);
     let axis = (0..scene.grid.dimension)
         .max_by(|a, b| scene.gravity[*a].abs().total_cmp(&scene.gravity[*b].abs()));
     let height = axis.map_or(0.0, |axis| scene.grid.size[axis]);

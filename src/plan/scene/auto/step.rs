@@ -276,7 +276,7 @@ fn match_intervals(scene: &Scene, flow: &mut Flow, speed: f64, most: f64) -> f64
         tau >= least_tau_from(least, scene, flow, speed * time_step / h) * (1.0 - ROUNDING)
     };
     // Other operators are stable at shorter steps, as cumulants are in 3-D; one rate is not judged by this range.
-    let judged = matches!(flow.collision, Collision::Trt(_)) && holds(MIN_TAU, longest);
+    let judged = matches!(flow.models.collision, Collision::Trt(_)) && holds(MIN_TAU, longest);
     if shorter < SHORTEST * longest || shorter >= longest {
         return MIN_TAU;
     }
@@ -622,7 +622,7 @@ fn eddies(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, speed: Opt
         );
         (None, text)
     };
-    flow.turbulence = model;
+    flow.models.turbulence = model;
     scene.chosen.note(Subject::Turbulence, text);
 }
 
@@ -644,7 +644,7 @@ fn operator(
         speed * flow.time_step / scene.grid.spacing,
     );
     if lbm.collision.is_none() {
-        let fast = tau < least || flow.turbulence.is_some();
+        let fast = tau < least || flow.models.turbulence.is_some();
         // A stated D3Q19, or an operator that scales two relaxation times, leaves no choice.
         let matched = matches!(
             &scene.coupling,
@@ -653,8 +653,8 @@ fn operator(
         );
         let free = !matched && !matches!(lbm.lattice, LatticeChoice::D3q19);
         if scene.grid.dimension == 3 && fast && free {
-            flow.collision = Collision::Cumulant(cumulant::CumulantParameters::default());
-            flow.lattice = Lattice::D3Q27;
+            flow.models.collision = Collision::Cumulant(cumulant::CumulantParameters::default());
+            flow.models.lattice = Lattice::D3Q27;
             let text = format!("robust near tau = 0.5; here {tau:.5}");
             scene.chosen.note(Subject::Collision, text);
         } else {
@@ -666,7 +666,7 @@ fn operator(
         }
     }
     // The bound was measured with this operator; others have maps of their own.
-    if tau < least * (1.0 - 1e-9) && matches!(flow.collision, Collision::Trt(_)) {
+    if tau < least * (1.0 - 1e-9) && matches!(flow.models.collision, Collision::Trt(_)) {
         let reason = format!(
             "at this viscosity and speed the relaxation time is tau = {tau:.5}; the operator trt is stable for \
              tau of {least:.5} and above"

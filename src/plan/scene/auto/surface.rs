@@ -22,8 +22,8 @@
 
 mod kinds;
 
+use super::answers::{self, ESTIMATE, Kind, PromisedAnswer, line_of_length};
 use super::bound::{Bound, Point};
-use super::ground::{PromisedAnswer, line_of_length};
 use super::{Subject, measured};
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
@@ -39,16 +39,6 @@ const TABLE: &str = include_str!("measured_surface.csv");
 const LEAST_ERROR: f64 = 1e-4;
 /// Largest bound that is a promise.
 const MOST_ERROR: f64 = 0.5;
-/// Fraction of the rows below a bound, and the margin m of its factor 1 + m/k for k problems: those of seepage, whose
-/// rows of one problem err together too.
-const FRACTION: f64 = 0.975;
-const MARGIN: f64 = 5.0;
-/// Fewest problems of a bound.
-const LEAST_PROBLEMS: usize = 4;
-
-const ESTIMATE: &str =
-    "`solver estimate` runs the case on other cells and gives an interval for each answer";
-
 /// Measured error of an answer on one grid.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -134,35 +124,28 @@ fn measured(rows: &[&'static Row]) -> Option<Measured> {
         })
         .collect();
     let problems = rows.iter().map(|row| row.problem.as_str()).collect();
-    let bound =
-        (!points.is_empty()).then(|| Bound::of_points(&points, problems, [FRACTION, MARGIN]))?;
+    let bound = answers::bound_of(&points, problems)?;
     let shapes = rows.iter().map(|row| row.shape);
     let shapes = [
         shapes.clone().fold(f64::INFINITY, f64::min),
         shapes.fold(0.0, f64::max),
     ];
-    (bound.problems.len() >= LEAST_PROBLEMS).then_some(Measured { bound, shapes })
+    Some(Measured { bound, shapes })
 }
 
 /// Returns the rows by flow and answer.
-fn groups() -> BTreeMap<(&'static str, &'static str), Vec<&'static Row>> {
-    let mut groups: BTreeMap<_, Vec<&'static Row>> = BTreeMap::new();
-    for row in rows() {
-        let key = (row.flow.as_str(), row.answer.as_str());
-        groups.entry(key).or_default().push(row);
-    }
-    groups
+fn groups() -> BTreeMap<Kind, Vec<&'static Row>> {
+    answers::groups(rows(), |row| (&row.flow, &row.answer))
 }
 
 /// Returns the measured errors of an answer of a flow; none if it was not measured.
 fn known(flow: &str, answer: &str) -> Option<&'static Measured> {
-    static BOUNDS: LazyLock<BTreeMap<(&'static str, &'static str), Measured>> =
-        LazyLock::new(|| {
-            let found = groups()
-                .into_iter()
-                .filter_map(|(key, rows)| Some((key, measured(&rows)?)));
-            found.collect()
-        });
+    static BOUNDS: LazyLock<BTreeMap<Kind, Measured>> = LazyLock::new(|| {
+        let found = groups()
+            .into_iter()
+            .filter_map(|(key, rows)| Some((key, measured(&rows)?)));
+        found.collect()
+    });
     let found = BOUNDS.iter().find(|((f, a), _)| *f == flow && *a == answer);
     found.map(|(_, measured)| measured)
 }
@@ -198,8 +181,7 @@ pub(super) fn promise(scene: &mut Scene, target: Option<f64>, findings: &mut Fin
         }
     }
     scene.chosen.details = details(&flow, &answers, &reasons);
-    let largest = answers.iter().filter_map(|a| a.error).reduce(f64::max);
-    let all = !answers.is_empty() && answers.iter().all(|answer| answer.error.is_some());
+    let (largest, all) = answers::largest(&answers);
     scene.chosen.promised = largest.filter(|_| all);
     let Some(largest) = largest else {
         let first = reasons.into_values().next();
@@ -210,8 +192,10 @@ pub(super) fn promise(scene: &mut Scene, target: Option<f64>, findings: &mut Fin
         say_nothing(scene, target, &reason, findings);
         return;
     };
-    let text = summary(&flow, &answers);
-    scene.chosen.note(Subject::Accuracy, text);
+    let text = answers::summary(&answers, &across(&flow));
+    scene
+        .chosen
+        .note(Subject::Accuracy, text.unwrap_or_default());
     if let Some(target) = target.filter(|target| largest > target * (1.0 + 1e-9)) {
         findings.warn(
             "accuracy",
@@ -255,30 +239,6 @@ fn across(flow: &SurfaceFlow) -> String {
             flow.kind
         )
     })
-}
-
-/// Returns the sentence of the plan about the promised errors.
-fn summary(flow: &SurfaceFlow, answers: &[PromisedAnswer]) -> String {
-    let mut of_kinds: BTreeMap<&str, f64> = BTreeMap::new();
-    for answer in answers {
-        if let Some(error) = answer.error {
-            of_kinds.insert(answer.kind, error);
-        }
-    }
-    let parts: Vec<String> = of_kinds
-        .iter()
-        .map(|(kind, error)| format!("{kind} {} %", number(100.0 * error)))
-        .collect();
-    let missing = answers.iter().filter(|a| a.error.is_none()).count();
-    let rest = match missing {
-        0 => String::new(),
-        _ => format!("; nothing for {missing} answers, which `solver plan --details` lists"),
-    };
-    format!(
-        "{} at a confidence of 95 %, with {}{rest}",
-        parts.join(", "),
-        across(flow)
-    )
 }
 
 /// Returns a line for each answer, each length, and the numbers of the flow.

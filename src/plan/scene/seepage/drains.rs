@@ -6,6 +6,7 @@ use crate::scene::findings::Findings;
 use crate::scene::grid::Grid;
 use crate::scene::unique;
 use base::number::{real, whole};
+use base::vector::norm;
 use darcy::{Condition, DrainCells};
 use serde::Serialize;
 
@@ -155,7 +156,7 @@ impl Seepage {
     /// Returns the reduced pressure that a drain imposes \[Pa\].
     pub(super) fn drain_pressure(&self, drain: &Drain, gravity: [f64; 3]) -> Option<f64> {
         let density = self.written.density;
-        let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+        let strength = norm(gravity);
         // The reference point is half way between the ends; for air the lowest point.
         let place = |part: f64| -> f64 {
             let at = |a: usize| {

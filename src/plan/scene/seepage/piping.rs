@@ -6,6 +6,7 @@ use crate::scene::findings::{Findings, number};
 use crate::scene::grid::Grid;
 use base::error::Remedy;
 use base::number::{real, whole};
+use base::vector::dot;
 use case::Case;
 use case::backward_erosion::{BackwardErosion, EquilibriumDiameter, WidthOfPipe};
 use case::check;
@@ -373,9 +374,8 @@ impl Seepage {
         let half = 0.5 * self.spacing[vertical];
         for cell in row.cells() {
             let centre = coarse.centre(cell);
-            let outside = |(outward, offset): &([f64; 3], f64), at: [f64; 3]| {
-                (0..3).map(|a| outward[a] * at[a]).sum::<f64>() > *offset
-            };
+            let outside =
+                |(outward, offset): &([f64; 3], f64), at: [f64; 3]| dot(*outward, at) > *offset;
             let solid = self
                 .solids
                 .iter()

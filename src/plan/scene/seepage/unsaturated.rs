@@ -8,6 +8,7 @@ use crate::scene::grid::Grid;
 use crate::scene::region::region;
 use base::error::Remedy;
 use base::history;
+use base::vector::norm;
 use case::Case;
 use case::darcy::{TransientFlow, Zone, ZonePermeability};
 use darcy::zones::is_inside;
@@ -33,7 +34,7 @@ fn is_weather(condition: Condition) -> bool {
 impl Seepage {
     /// Sets the thickness of the phreatic surface from the height of the cells if the case states none.
     pub(super) fn resolve_surface(&mut self, gravity: [f64; 3]) {
-        let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+        let strength = norm(gravity);
         let rise = (0..3)
             .map(|a| (gravity[a] / strength).abs() * self.spacing[a])
             .fold(0.0, f64::max);
@@ -302,7 +303,7 @@ impl Seepage {
             );
             return;
         };
-        let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+        let strength = norm(gravity);
         let rise = (0..grid.dimension)
             .map(|a| (gravity[a] / strength).abs() * self.widest(a))
             .fold(0.0, f64::max);

@@ -7,6 +7,7 @@ use crate::scene::grid::Grid;
 use crate::scene::region::region;
 use crate::scene::unique;
 use base::error::Remedy;
+use base::vector::norm;
 use case::Case;
 use case::darcy::{Zone, ZonePermeability};
 use darcy::Zones;
@@ -38,9 +39,10 @@ impl Seepage {
         if written.zones.is_empty() {
             return None;
         }
-        let strength = case.gravity.as_ref().map_or(0.0, |gravity| {
-            gravity.to_array().iter().map(|g| g * g).sum::<f64>().sqrt()
-        });
+        let strength = case
+            .gravity
+            .as_ref()
+            .map_or(0.0, |gravity| norm(gravity.to_array()));
         let ground = Ground {
             permeable: written.viscosity / (written.density * strength),
             alone: case.grains.is_none() && case.bodies.is_empty() || written.unsaturated.is_some(),

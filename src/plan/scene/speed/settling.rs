@@ -10,6 +10,7 @@ use super::super::Scene;
 use super::super::bodies::{Mobility, NamedBody};
 use super::super::flow::Flow;
 use super::super::grains::GrainSource;
+use base::vector::norm;
 use std::f64::consts::PI;
 
 /// Returns the dimensionless drag coefficient of a sphere (3-D) or a long cylinder (2-D).
@@ -121,11 +122,10 @@ pub(crate) fn body_settling_speed(
     diameter: f64,
     material: usize,
 ) -> f64 {
-    let size = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
-    let lighter = (scene.density(material) / flow.density - 1.0).abs() * size(scene.gravity);
+    let lighter = (scene.density(material) / flow.density - 1.0).abs() * norm(scene.gravity);
     let force = lighter * scene.mass(material, 0.5 * diameter) / scene.density(material);
     terminal_speed(scene.grid.dimension, flow.density * force, diameter, flow)
-        .min((2.0 * lighter * size(scene.grid.size)).sqrt())
+        .min((2.0 * lighter * norm(scene.grid.size)).sqrt())
         .min(lighter * scene.time.end)
 }
 

@@ -2,6 +2,7 @@
 
 use super::super::findings::Findings;
 use super::SceneWall;
+use base::vector::{dot, minus};
 use case::Case;
 use nalgebra::Vector3;
 
@@ -26,10 +27,8 @@ fn has_a_facet_in(wall: &SceneWall, plane: &SceneWall) -> bool {
 
 /// Returns `true` if two walls are the same plane.
 fn are_one_plane(one: &SceneWall, other: &SceneWall) -> bool {
-    let between: f64 = (0..3)
-        .map(|a| one.normal[a] * (other.point[a] - one.point[a]))
-        .sum();
-    let along: f64 = (0..3).map(|a| one.normal[a] * other.normal[a]).sum();
+    let between = dot(one.normal, minus(other.point, one.point));
+    let along = dot(one.normal, other.normal);
     one.surface.is_none() && other.surface.is_none() && along > 1.0 - 1e-12 && between.abs() <= 1e-9
 }
 

@@ -7,6 +7,7 @@ use crate::scene::grid::Grid;
 use crate::scene::structures::{NO_SHAPE, Structure};
 use base::error::{Remedy, number};
 use base::number::real;
+use base::vector::dot;
 use case::Case;
 use case::darcy::Enclosure;
 use case::fluid::Fluid;
@@ -234,10 +235,6 @@ const SEARCH_POINTS: usize = 10;
 
 /// Half-space `normal . x <= offset` \[m\] that is filled with water, at least in part.
 type Bound = ([f64; 3], f64);
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
 
 /// Returns the half-spaces that bound the water of a case.
 fn bounds(case: &Case, grid: &Grid) -> Vec<Bound> {

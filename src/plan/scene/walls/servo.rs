@@ -6,6 +6,7 @@ use crate::scene::findings::{Findings, number};
 use crate::scene::grid::Grid;
 use base::error::Remedy;
 use base::history;
+use base::vector::norm;
 use case::Case;
 use case::solids::{Servo as Written, Wall as WrittenWall, WallShape, WallStage};
 use dem::contact::Contact;
@@ -58,7 +59,7 @@ pub(super) fn resolve(
         );
     }
     let across: f64 = normal.iter().zip(velocity).map(|(n, v)| n * v).sum();
-    let speed = velocity.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let speed = norm(velocity);
     if across.abs() > 1e-12 * speed {
         findings.error(
             &format!("{path}.velocity"),

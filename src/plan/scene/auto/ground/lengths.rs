@@ -11,6 +11,7 @@ mod widening;
 use crate::scene::Scene;
 use crate::scene::findings::number;
 use crate::scene::seepage::Seepage;
+use base::vector::norm;
 use case::Case;
 use case::darcy::{InitialState, Zone, ZonePermeability};
 use case::geometry::{Axis, Region};
@@ -157,7 +158,7 @@ impl<'a> Reader<'a> {
             return Err("no error was measured for seepage in three dimensions".into());
         }
         let gravity = scene.gravity;
-        let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+        let strength = norm(gravity);
         let up = usize::from(gravity[1].abs() >= gravity[0].abs());
         if strength <= 0.0 || (gravity[up].abs() - strength).abs() > 1e-9 * strength {
             return Err("errors were measured with gravity along an axis".into());

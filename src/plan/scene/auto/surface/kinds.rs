@@ -160,7 +160,7 @@ fn covered(scene: &Scene, surface: &FreeSurface) -> Result<(), String> {
 
 /// Returns the operator with its eddy viscosity.
 fn operator(fluid: &Fluid) -> Result<&'static str, String> {
-    match (&fluid.collision, &fluid.turbulence) {
+    match (&fluid.models.collision, &fluid.models.turbulence) {
         (Collision::Trt(_), None) => Ok("TRT"),
         (Collision::Bgk(_), Some(Turbulence::Smagorinsky(_))) => Ok("BGK with Smagorinsky"),
         _ => Err(
