@@ -159,3 +159,9 @@ fn a_parameter_has_all_its_facts() {
     );
     assert_eq!(unit("A plane [a, b, c, d] of x [m]."), Some("m"));
 }
+
+/// Checks that texts of the schema have units as `[m]`, and not with the backslashes of comments.
+#[test]
+fn units_have_no_backslashes() {
+    assert!(!check::bare_schema().to_string().contains(r"\\["));
+}
