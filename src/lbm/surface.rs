@@ -56,6 +56,7 @@
 //! | `cut` | plane that intersects a cell |
 //! | `facet` | surface in an interface cell, and the traction on its links |
 //! | `facets` | facets of a batch of interface cells |
+//! | `film` | films on walls |
 //! | `bodies` | bodies that fill cells in part or completely |
 //! | `carrier` | part of a facet required by the links of other cells |
 //! | `carried` | cells whose centres lie outside the water |
@@ -76,6 +77,7 @@ mod cut;
 mod exchange;
 mod facet;
 mod facets;
+mod film;
 mod ghosts;
 mod jump;
 pub mod kind;
@@ -124,6 +126,8 @@ pub struct SlabSurface {
     planes: Vec<Plane>,
     batches: Vec<Batch>,
     ghosts: Ghosts,
+    /// Half of the body force at the start, which decides where walls carry films.
+    half_force: [f64; 3],
     work: conversion::Work,
     /// Cells and directions of links that a symmetry plane reflects into a solid: they bounce back. Links through
     /// openings are not included.
@@ -155,13 +159,14 @@ pub struct SlabSurface {
 }
 
 impl SlabSurface {
-    /// Returns the surface of a slab of gas. Collective.
+    /// Returns the surface of a slab of gas. `half_force` is F/2 at the start. Collective.
     ///
     /// # Errors
     /// If the slabs of two neighbours do not fit each other.
     pub fn new<S: Stored>(
         populations: &Populations<S>,
         ends: Ends,
+        half_force: [f64; 3],
         domain: &Domain,
     ) -> Result<Self, String> {
         let ghosts = Ghosts::new(populations, ends, domain)?;
@@ -171,6 +176,7 @@ impl SlabSurface {
             planes: (0..planes).map(|_| Plane::default()).collect(),
             batches: Vec::new(),
             ghosts,
+            half_force,
             work: conversion::Work::default(),
             corners: Vec::new(),
             bodies: None,
@@ -325,6 +331,9 @@ impl SlabSurface {
 
     /// Opens faces of the domain: one opening for each permeable patch, equal on all ranks except for its links.
     pub(crate) fn open(&mut self, openings: Vec<Opening>) {
+        for opening in &openings {
+            opening.mark_links(&mut self.cells);
+        }
         self.openings = openings;
     }
 
@@ -693,7 +702,12 @@ impl SlabSurface {
         let batches = &mut self.batches[..];
         with_set!(
             populations,
-            exchange::classify(&self.cells, batches, populations, filled)
+            exchange::classify(
+                (&self.cells, self.ghosts.around()),
+                batches,
+                populations,
+                (self.half_force, filled)
+            )
         );
         for batch in &self.batches {
             let states = batch.kind.iter().zip(&batch.fill);

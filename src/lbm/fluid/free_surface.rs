@@ -14,7 +14,8 @@ impl<S: Stored> Fluid<S> {
     /// # Errors
     /// If the slabs of two neighbours do not fit each other.
     pub fn open_surface(&mut self, domain: &Domain) -> Result<(), FluidError> {
-        let mut surface = SlabSurface::new(&self.populations, self.ends(domain), domain)
+        let (ends, half_force) = (self.ends(domain), self.force.force_at(0.0).map(|f| 0.5 * f));
+        let mut surface = SlabSurface::new(&self.populations, ends, half_force, domain)
             .map_err(FluidError::Surface)?;
         surface.open(self.openings());
         surface.set_mirrored(self.boundaries.mirrored_cells(&self.populations));

@@ -3,6 +3,8 @@
 use super::kind::{HELD, SOLID};
 use crate::lanes::Stored;
 use crate::populations::Populations;
+use base::number::to_u32;
+use std::collections::HashSet;
 
 /// Minimum fraction without body by which the mass of water in a cell is divided.
 const MIN_FREE: f64 = 1e-3;
@@ -26,6 +28,8 @@ pub(crate) struct Cells {
     /// Bits of the directions along which sheets intersect the links of a cell; the bit of direction 0 is set for a
     /// cell at an opening with water outside. Empty without sheets and openings.
     closed: Vec<u32>,
+    /// Cells and directions of the links through openings.
+    open: HashSet<(u32, u8)>,
     /// Distance in positions to the neighbour along each direction and along each axis.
     offsets: Vec<isize>,
     strides: [isize; 3],
@@ -49,6 +53,7 @@ impl Cells {
             carried: vec![false; count],
             solid: Vec::new(),
             closed: Vec::new(),
+            open: HashSet::new(),
             offsets: (0..q).map(|i| populations.offset(i)).collect(),
             strides: std::array::from_fn(|axis| {
                 let mut at = [0; 3];
@@ -76,6 +81,18 @@ impl Cells {
         if let Some(bits) = self.closed.get_mut(cell) {
             *bits &= !1;
         }
+    }
+
+    /// Marks a link through an opening.
+    pub(super) fn open(&mut self, cell: usize, direction: u8) {
+        self.open.insert((to_u32(cell), direction));
+    }
+
+    /// Returns `true` if the link of a cell along a direction leads through an opening.
+    pub(super) fn leads_out(&self, cell: usize, direction: usize) -> bool {
+        !self.open.is_empty()
+            && u8::try_from(direction)
+                .is_ok_and(|direction| self.open.contains(&(to_u32(cell), direction)))
     }
 
     /// Returns `true` for a cell next to water outside an opening.

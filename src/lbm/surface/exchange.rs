@@ -6,12 +6,14 @@
 //! 4). Where the surface passes from one row of cells to the next, a nearly full cell without gas neighbours or a
 //! nearly empty one without liquid neighbours is created; it changes its kind immediately. Between other unlike
 //! interface cells only one of the two terms counts, so that stray cells empty and enclosed cells fill (N. Thürey,
-//! Physically based animation of free surface flows with the lattice Boltzmann method, Erlangen 2007, table 4.1).
+//! Physically based animation of free surface flows with the lattice Boltzmann method, Erlangen 2007, table 4.1). A
+//! film on a wall has no liquid cells either, but is not stray ([`super::film`]).
 
 use super::batch::{Batch, each_part};
 use super::cells::Cells;
 use super::facet::{Drive, bounded};
 use super::facets::{Find, Inner};
+use super::film::Walls;
 use super::ghosts::Around;
 use super::jump::{Jump, pressed};
 use super::kind::{EMPTIES, ENCLOSED, FILLS, GAS, HELD, LIQUID, SOLID, STRAY, SURFACE, is_surface};
@@ -459,13 +461,13 @@ pub(super) fn fill_renewed<L: Lattice<Q>, S: Stored, const Q: usize>(
     }
 }
 
-/// Finds the kind of each interface cell from those of its neighbours, and its fill level; `filled` is `true` if the
-/// fill levels are known.
+/// Finds the kind of each interface cell from those of its neighbours, and its fill level, for half of the body force;
+/// `filled` is `true` if the fill levels are known.
 pub(super) fn classify<L: Lattice<Q>, S: Stored, const Q: usize>(
-    cells: &Cells,
+    (cells, around): (&Cells, &Around),
     batches: &mut [Batch],
     populations: &Populations<S>,
-    filled: bool,
+    (half_force, filled): ([f64; 3], bool),
 ) {
     let stencil = &Stencil::<L, Q>::new(populations);
     let numbers = &Numbers::to_read(populations);
@@ -473,7 +475,12 @@ pub(super) fn classify<L: Lattice<Q>, S: Stored, const Q: usize>(
     each_part(batches, |batches| {
         level.run(Classify {
             batches,
-            cells,
+            walls: Walls {
+                cells,
+                around,
+                populations,
+            },
+            half_force,
             numbers,
             stencil,
             filled,
@@ -482,9 +489,10 @@ pub(super) fn classify<L: Lattice<Q>, S: Stored, const Q: usize>(
 }
 
 /// Classification of the cells of batches.
-struct Classify<'a, L, S, const Q: usize> {
+struct Classify<'a, L, S: Stored, const Q: usize> {
     batches: &'a mut [Batch],
-    cells: &'a Cells,
+    walls: Walls<'a, S>,
+    half_force: [f64; 3],
     numbers: &'a Numbers<S>,
     stencil: &'a Stencil<L, Q>,
     filled: bool,
@@ -497,9 +505,10 @@ impl<L: Lattice<Q>, S: Stored, const Q: usize> Work for Classify<'_, L, S, Q> {
         let mut incoming = [[0.0; MOST]; Q];
         let mut densities = [0.0; MOST];
         let [_, gas, liquid] = NEXT_TO;
+        let (walls, cells, half_force) = (self.walls, self.walls.cells, self.half_force);
         for batch in self.batches {
             let positions = &batch.positions;
-            positions.kinds(self.cells, self.stencil, &mut kinds);
+            positions.kinds(cells, self.stencil, &mut kinds);
             let mut next_to = [0; MOST];
             for kinds in &kinds {
                 for (next_to, &kind) in next_to.iter_mut().zip(kinds) {
@@ -508,7 +517,7 @@ impl<L: Lattice<Q>, S: Stored, const Q: usize> Work for Classify<'_, L, S, Q> {
             }
             if self.filled {
                 for (fill, &cell) in batch.fill.iter_mut().zip(positions.cells()) {
-                    *fill = self.cells.fill[cell as usize];
+                    *fill = cells.fill[cell as usize];
                 }
             } else {
                 // SAFETY: interface cells of the slab, whose numbers are only read.
@@ -517,20 +526,22 @@ impl<L: Lattice<Q>, S: Stored, const Q: usize> Work for Classify<'_, L, S, Q> {
                     densities[k] = 1.0 + density::<Q>(|i| incoming[i][k]);
                 }
                 for (k, &cell) in positions.cells().iter().enumerate() {
-                    let mass = self.cells.mass[cell as usize];
-                    batch.fill[k] = self.cells.fill_from(cell as usize, mass, densities[k]);
+                    let mass = cells.mass[cell as usize];
+                    batch.fill[k] = cells.fill_from(cell as usize, mass, densities[k]);
                 }
             }
             for (k, &cell) in positions.cells().iter().enumerate() {
                 let cell = cell as usize;
-                let liquid = next_to[k] & liquid != 0 || self.cells.is_fed(cell);
+                let liquid = next_to[k] & liquid != 0 || cells.is_fed(cell);
                 let fill = batch.fill[k];
                 batch.kind[k] = match (next_to[k] & gas != 0, liquid) {
                     (false, _) if fill <= 1.0 - NEARLY => ENCLOSED,
-                    (true, false) if fill >= NEARLY => STRAY,
+                    (true, false) if fill >= NEARLY && !walls.carry::<L, Q>(cell, half_force) => {
+                        STRAY
+                    }
                     _ => SURFACE,
                 };
-                debug_assert!(is_surface(self.cells.kind[cell]));
+                debug_assert!(is_surface(cells.kind[cell]));
             }
         }
     }

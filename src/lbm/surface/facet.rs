@@ -14,6 +14,9 @@
 //! Comput. Phys. 297 (2015) 1, for links that end at the surface). Over the links of an even surface the
 //! momentum that passes is P.
 //!
+//! A film on a wall has no liquid cell inside; its density is that of water at rest ([`super::film`]). Without a wall
+//! either, the pressure is that of the gas.
+//!
 //! The surface is that at the middle of the step, like the populations that pass a link during it: a delay of half
 //! a step would amplify a wave of frequency ω at the rate ω²/4.
 
@@ -51,9 +54,9 @@ pub(super) struct Facet {
     pub(super) normal: [f64; 3],
     /// Distance of the surface from the centre of the cell along the normal.
     pub(super) distance: f64,
-    /// Gradient of the density along the normal in water at rest.
+    /// Gradient of the density along the normal in water at rest; 0 for water without a liquid cell inside or a wall.
     pub(super) at_rest: f64,
-    /// Maximum density of the dynamic part inside.
+    /// Maximum density of the dynamic part inside; 0 without a liquid cell inside.
     pub(super) most: f64,
     /// 1 with a liquid cell close to the inward normal, else 0: a number like the others, so that loops over cells are
     /// vectorised.
@@ -62,7 +65,7 @@ pub(super) struct Facet {
     pub(super) inside: f64,
     /// Density in that liquid cell.
     pub(super) density_inside: f64,
-    /// Tangential part of the traction in that liquid cell.
+    /// Tangential part of the traction in that liquid cell; 0 without one.
     pub(super) traction: [f64; 3],
     /// Distance between the centres of that liquid cell and the interface cell, along the inward normal.
     pub(super) inner: f64,
@@ -107,12 +110,7 @@ impl Facet {
         let ratio = bounded(beyond / reach, -MAX_RATIO, MAX_RATIO);
         let density = beyond * self.at_rest - ratio * self.excess(inside);
         let shear = 9.0 * ratio * up * dot(c, self.traction);
-        let even = density + inertia(c, density, self.velocity) - shear;
-        if self.has_inside > 0.0 {
-            even
-        } else {
-            inertia(c, 0.0, self.velocity)
-        }
+        density + inertia(c, density, self.velocity) - shear
     }
 
     /// Returns the data of a carried cell for the links of its neighbours, with the density of the tension.
@@ -211,6 +209,8 @@ pub(super) struct Known {
     /// Direction to the liquid cell inside, and 1 with such a cell, else 0.
     pub(super) c: [f64; 3],
     pub(super) has_inside: f64,
+    /// Gradient of the density along the normal in a film; 0 in other cells.
+    pub(super) film: f64,
     /// Moments of the liquid cell inside.
     pub(super) found: Moments,
     /// Density that the surface tension adds.
@@ -218,7 +218,7 @@ pub(super) struct Known {
 }
 
 impl Facet {
-    /// Returns the facet of an interface cell. Without a liquid cell inside only velocity and normal count.
+    /// Returns the facet of an interface cell.
     #[inline(always)]
     pub(super) fn new<J: Jump>(drive: &Drive, known: &Known, _: J) -> Self {
         let &Known { normal, found, .. } = known;
@@ -238,12 +238,15 @@ impl Facet {
             ..Self::default()
         };
         facet.distance = known.distance + 0.5 * along(facet.velocity);
-        facet.at_rest = 6.0 * along(half);
+        let inside = known.has_inside > 0.0;
+        let of_inside = 6.0 * along(half);
+        facet.at_rest = if inside { of_inside } else { known.film };
         facet.most = MAX_ACCELERATION * drive.weight * (0.5 + facet.inner);
         if J::ACTS {
             let waves = MAX_WAVE_NUMBER * known.capillary.abs() + drive.of_waves;
             facet.most += MAX_ACCELERATION * waves * (0.5 + facet.inner);
         }
+        facet.most *= known.has_inside;
         let [a, b, c] = across(&found, normal);
         let stress = [drive.factor * a, drive.factor * b, drive.factor * c];
         let pressed = along(stress);
@@ -253,9 +256,9 @@ impl Facet {
             facet.inside -= known.capillary;
         }
         facet.traction = [
-            stress[0] - pressed * normal[0],
-            stress[1] - pressed * normal[1],
-            stress[2] - pressed * normal[2],
+            known.has_inside * (stress[0] - pressed * normal[0]),
+            known.has_inside * (stress[1] - pressed * normal[1]),
+            known.has_inside * (stress[2] - pressed * normal[2]),
         ];
         facet.carry([x / mass, y / mass, z / mass], known, drive.relaxation_time);
         facet

@@ -5,6 +5,7 @@ use super::carried;
 use super::cells::Cells;
 use super::cut;
 use super::facet::{Drive, Facet, Known, bounded};
+use super::film::Walls;
 use super::ghosts::Around;
 use super::jump::Jump;
 use super::kind::{HELD, LIQUID, SOLID};
@@ -151,6 +152,7 @@ struct Buffers<const Q: usize> {
     distance: Values,
     inward: [u8; MOST],
     has_inside: Values,
+    film: Values,
     c: [Values; 3],
     found: [Values; 10],
 }
@@ -167,6 +169,7 @@ impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Work for Find<'_, L, S, 
             distance: [0.0; MOST],
             inward: [0; MOST],
             has_inside: [0.0; MOST],
+            film: [0.0; MOST],
             c: [[0.0; MOST]; 3],
             found: [[0.0; MOST]; 10],
         };
@@ -190,6 +193,7 @@ impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Work for Find<'_, L, S, 
                     normal: of(&buffers.normal),
                     distance: buffers.distance[k],
                     has_inside: buffers.has_inside[k],
+                    film: buffers.film[k],
                     c: of(&buffers.c),
                     found: moments_at(&buffers.found, k),
                     capillary: batch.capillary[k],
@@ -239,17 +243,28 @@ impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Find<'_, L, S, J, Q> {
         let around = (positions, &to.kinds);
         normals(self.cells, self.stencil, around, &mut to.normal);
         inwards::<L, Q>(count, &to.kinds, &to.normal, &mut to.inward);
+        let walls = Walls {
+            cells: self.cells,
+            around: self.around,
+            populations: self.populations,
+        };
         for (k, &cell) in positions.cells().iter().enumerate() {
             let i = usize::from(to.inward[k]);
             to.has_inside[k] = if i == 0 { 0.0 } else { 1.0 };
             let c = Stencil::<L, Q>::C[i];
             (to.c[0][k], to.c[1][k], to.c[2][k]) = (c[0], c[1], c[2]);
+            to.film[k] = 0.0;
+            to.distance[k] = 0.0;
+            if i == 0 {
+                let film = walls.film::<L, Q>(cell as usize, self.drive.half_force);
+                let Some(film) = film else { continue };
+                to.film[k] = film.at_rest;
+                for (to, normal) in to.normal.iter_mut().zip(film.normal) {
+                    to[k] = normal;
+                }
+            }
             let normal = [to.normal[0][k], to.normal[1][k], to.normal[2][k]];
-            to.distance[k] = if i == 0 {
-                0.0
-            } else {
-                cut::distance(self.cells.fill[cell as usize], normal)
-            };
+            to.distance[k] = cut::distance(self.cells.fill[cell as usize], normal);
         }
     }
 

@@ -117,6 +117,7 @@ struct Crossed {
     link: Link,
     /// Link of the same cell along the leaving direction mirrored at the face.
     mirrored: Link,
+    direction: u8,
     c: [i8; 3],
     weight: f64,
 }
@@ -194,6 +195,7 @@ impl Opening {
             let crossed = Crossed {
                 link: populations.link(cell, direction),
                 mirrored: populations.link(cell, mirror.unwrap_or(direction)),
+                direction: direction.to_le_bytes()[0],
                 c,
                 weight: velocities.w[direction],
             };
@@ -223,6 +225,15 @@ impl Opening {
     /// Returns the links through the opening.
     pub(super) fn crossed(&self) -> impl Iterator<Item = Link> + '_ {
         self.links.iter().map(|crossed| crossed.link)
+    }
+
+    /// Marks the links through the opening.
+    pub(super) fn mark_links(&self, cells: &mut Cells) {
+        for face in &self.faces {
+            for crossed in &self.links[face.first..][..face.count] {
+                cells.open(face.cell, crossed.direction);
+            }
+        }
     }
 
     /// Returns the number of the patch.
