@@ -67,7 +67,7 @@ pub(super) fn near_outflow(scene: &Scene, findings: &mut Findings) {
             }
             let path = format!("bodies[{n}].position");
             let reason = format!(
-                "the body `{}` stands {} cells in front of the outflow `{}`, which repeats the state of the water there: \
+                "the body `{}` stands {} cells in front of the outflow `{}`, which repeats the state of the water: \
                  many runs with a gap of less than a cell ended",
                 body.name,
                 number(gap),

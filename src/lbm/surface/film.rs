@@ -10,7 +10,6 @@
 //!
 //! Links through openings are no walls, and the surface of a body is none.
 
-use super::carrier::dot;
 use super::cells::Cells;
 use super::facet::bounded;
 use super::ghosts::Around;
@@ -19,6 +18,7 @@ use super::stencil::Stencil;
 use crate::lanes::Stored;
 use crate::lattice::Lattice;
 use crate::populations::Populations;
+use base::vector::dot;
 
 /// Minimum part of the body force along an axis that a wall carries: a vertical wall carries nothing where gravity
 /// has a rounded component across it.

@@ -125,7 +125,7 @@ pub(crate) fn check(
     free_pressures(&all, findings);
     if let Some(pockets) = pockets {
         // Populations of links pass between two cells of a solid that touch at an edge or a corner.
-        let reach = if flow.lattice == VelocitySet::D3Q27 {
+        let reach = if flow.models.lattice == VelocitySet::D3Q27 {
             3
         } else {
             2
