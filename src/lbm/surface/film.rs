@@ -55,8 +55,8 @@ impl<S: Stored> Walls<'_, S> {
         solid || self.around.reflects(self.populations, next)
     }
 
-    /// Returns `true` for the lower and the upper side of each axis along which a wall is next to a cell.
-    fn sides<L: Lattice<Q>, const Q: usize>(&self, cell: usize) -> [[bool; 2]; 3] {
+    /// Returns the lower and the upper side of each axis for which `is` returns `true` for the direction along it.
+    fn sides<L: Lattice<Q>, const Q: usize>(is: impl Fn(usize) -> bool) -> [[bool; 2]; 3] {
         let mut sides = [[false; 2]; 3];
         for (i, c) in L::C.iter().enumerate().skip(1) {
             if c.iter().map(|c| c.abs()).sum::<i8>() != 1 {
@@ -64,11 +64,16 @@ impl<S: Stored> Walls<'_, S> {
             }
             for (sides, &c) in sides.iter_mut().zip(c) {
                 if c != 0 {
-                    sides[usize::from(c > 0)] = self.closes(cell, i);
+                    sides[usize::from(c > 0)] = is(i);
                 }
             }
         }
         sides
+    }
+
+    /// Returns the sides of a cell along which a wall is next to it.
+    fn walled<L: Lattice<Q>, const Q: usize>(&self, cell: usize) -> [[bool; 2]; 3] {
+        Self::sides::<L, Q>(|i| self.closes(cell, i))
     }
 
     /// Returns `true` if a wall lies below a cell along an axis: water that rests on it is not stray.
@@ -78,7 +83,7 @@ impl<S: Stored> Walls<'_, S> {
         cell: usize,
         half_force: [f64; 3],
     ) -> bool {
-        let sides = self.sides::<L, Q>(cell);
+        let sides = self.walled::<L, Q>(cell);
         let mut axes = heavy(half_force).into_iter().zip(sides);
         axes.any(|(f, sides)| f != 0.0 && sides[usize::from(f > 0.0)])
     }
@@ -94,7 +99,10 @@ impl<S: Stored> Walls<'_, S> {
         cell: usize,
         half_force: [f64; 3],
     ) -> Option<Film> {
-        let sides = self.sides::<L, Q>(cell);
+        let sides = self.walled::<L, Q>(cell);
+        // At the edge of an opening and a plane of symmetry a diagonal link belongs to the one or the other, which
+        // depends on the slab: there it is open.
+        let open = Self::sides::<L, Q>(|i| self.cells.leads_out(cell, i));
         let mut carried = heavy(half_force);
         for (f, sides) in carried.iter_mut().zip(sides) {
             if sides == [false; 2] {
@@ -107,9 +115,10 @@ impl<S: Stored> Walls<'_, S> {
         let mut sum = [0.0; 3];
         for i in 1..Q {
             let c = L::C[i];
-            let below =
-                (0..3).any(|a| c[a] != 0 && carried[a] != 0.0 && sides[a][usize::from(c[a] > 0)]);
-            let level = if below && self.closes(cell, i) {
+            let on = |sides: [[bool; 2]; 3], a: usize| c[a] != 0 && sides[a][usize::from(c[a] > 0)];
+            let below = (0..3).any(|a| carried[a] != 0.0 && on(sides, a));
+            let outward = (0..3).any(|a| on(open, a));
+            let level = if below && !outward && self.closes(cell, i) {
                 1.0
             } else if matches!(self.cells.kind_along(cell, i), SOLID | HELD) {
                 self.cells.mirrored_level(cell, c)
