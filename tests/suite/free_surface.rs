@@ -395,6 +395,52 @@ fn structures_bound_the_water_where_bodies_float() {
     assert!(error.abs() < 1e-12, "{error}");
 }
 
+/// Checks that water at rest on a slope stays there for any depth of its edge. The slope is a staircase on the lattice,
+/// and the water on its highest wet step has no liquid cell. Before that water had a pressure its edge emptied, and
+/// the water swung.
+#[test]
+fn water_at_rest_stays_on_a_slope() {
+    let _beside = beside_others();
+    let gauge = |k: u32| {
+        let x = 0.005 + 0.01 * f64::from(k);
+        format!(r#"{{"name": "g{k}", "every": 0.02, "at": {{"gauge": {{"position": [{x}, 0]}}}}}}"#)
+    };
+    let gauges: Vec<_> = (0..48).map(gauge).collect();
+    let study = Study::new(&format!(
+        r#"{{
+        "domain": {{"size": [0.6, 0.12], "spacing": 0.01}},
+        "gravity": [0, -9.81],
+        "fluid": {{"lattice_boltzmann": {{
+            "density": 1000, "kinematic_viscosity": 2e-3, "time_step": 2e-4,
+            "collision": {{"trt": {{}}}},
+            "surface": {{"water": [{{"level": 0.053}}]}},
+            "boundaries": [{{"name": "left", "face": "x_min", "condition": {{"free_slip": {{}}}}}}]}}}},
+        "structures": [{{"name": "slope",
+            "shape": {{"polygon": {{"points": [[0.05, 0], [0.61, 0], [0.61, 0.09874]]}}}}}}],
+        "probes": [{}],
+        "time": {{"end": 2}}
+        }}"#,
+        gauges.join(", ")
+    ));
+    for level in [0.053, 0.056, 0.059] {
+        let name = format!("level{level}");
+        let water = format!(r#"fluid.lattice_boltzmann.surface.water=[{{"level": {level}}}]"#);
+        study.run(&name, 1, 1, &[&water]);
+        let mut largest = 0.0_f64;
+        for k in 0..48 {
+            let file = study.path(&name).join(format!("probe_g{k}.csv"));
+            let rows = io::table::read(&file).unwrap();
+            let depths = rows.column("depth").unwrap();
+            let first = depths[0];
+            for depth in depths {
+                largest = largest.max((depth - first).abs() / 0.01);
+            }
+        }
+        println!("{level} m: {largest} cells");
+        assert!(largest < 0.1, "{level} m: {largest} cells");
+    }
+}
+
 /// Checks a cut through a sphere that a block of water surrounds in part: the first step uses the state inside the
 /// sphere on both sides of the cut.
 #[test]

@@ -10,7 +10,7 @@ pub const LIQUID: u8 = 2;
 pub const SURFACE: u8 = 3;
 /// Interface cell without gas neighbours.
 pub const ENCLOSED: u8 = 4;
-/// Interface cell without liquid neighbours.
+/// Interface cell without liquid neighbours that no wall carries.
 pub const STRAY: u8 = 5;
 /// Interface cell that becomes liquid in this step.
 pub const FILLS: u8 = 6;
