@@ -203,7 +203,8 @@ fn cut_cells_that_zones_fill_hold_no_open_water() {
     for n in 1..200 {
         let at = |k: u32| f64::from(n * k % 199) / 199.0;
         let mut zones = vec![layer(0, -1.0, 1e9, 1e-10)];
-        zones.extend((0..3).map(|axis| layer(axis, 0.1, 0.1 + at(7 + axis as u32), 1e-12)));
+        zones
+            .extend([(0, 7), (1, 8), (2, 9)].map(|(axis, k)| layer(axis, 0.1, 0.1 + at(k), 1e-12)));
         let zones = Zones::new(&grid, &zones);
         let mut room = ZonePermeability::new(&zones, grid.count());
         room.replace_porosity(&zones, &mut vec![0.4; grid.count()], |_| false);

@@ -250,7 +250,7 @@ pub struct BlockLaw {
     pub mass_damping: f64,
 }
 
-/// Returns springs and dashpots of a contact over `area` [m²] against an effective mass \[kg\], for stability.
+/// Returns springs and dashpots of a contact over `area` \[m²\] against an effective mass \[kg\], for stability.
 pub fn springs(pair: &polyhedron::BlockPairLaw, area: f64, mass: f64) -> Springs {
     Springs::damped(
         pair.stiffness(area),

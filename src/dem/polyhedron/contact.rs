@@ -113,9 +113,9 @@ pub struct Geometry {
     pub normal: Vector3<f64>,
     /// Overlap \[m\] along the normal, positive.
     pub depth: f64,
-    /// Area of contact [m²].
+    /// Area of contact \[m²\].
     pub area: f64,
-    /// Second moments [m⁴] of the area about the contact point: the integral of `a a^T` over the arms `a` in the
+    /// Second moments \[m⁴\] of the area about the contact point: the integral of `a a^T` over the arms `a` in the
     /// plane normal to the contact normal.
     pub second: Matrix3<f64>,
     /// Moment of the normal pressure on the second body about the contact point, divided by the normal force \[m\].
@@ -126,7 +126,7 @@ pub struct Geometry {
 }
 
 impl Geometry {
-    /// Returns the polar second moment of the area [m⁴], which resists twisting.
+    /// Returns the polar second moment of the area \[m⁴\], which resists twisting.
     #[must_use]
     pub fn polar(&self) -> f64 {
         self.second.trace().max(0.0)

@@ -109,7 +109,7 @@ impl<S: Stored> Walls<'_, S> {
                 *f = 0.0;
             }
         }
-        if carried == [0.0; 3] {
+        if carried.iter().all(|f| f.abs() <= 0.0) {
             return None;
         }
         let mut sum = [0.0; 3];
