@@ -89,15 +89,44 @@ pub fn parse(text: &str) -> (Option<Value>, Vec<Problem>) {
     match tree {
         Ok(tree) => (Some(tree), problems),
         Err(error) => {
-            problems.push(Problem::error(
-                format!("line {} column {}", error.line(), error.column()),
-                "not JSON",
-                format!("the text is not valid JSON ({error})"),
-                "correct the text at this position",
-            ));
+            let place = format!("line {} column {}", error.line(), error.column());
+            problems.push(match not_finite(text, error.line(), error.column()) {
+                Some((word, key)) => Problem::error(
+                    place,
+                    word,
+                    format!("the value of `{key}` is not a number: JSON has no {word}"),
+                    "write a finite number",
+                ),
+                None => Problem::error(
+                    place,
+                    "not JSON",
+                    format!("the text is not valid JSON ({error})"),
+                    "correct the text at this position",
+                ),
+            });
             (None, problems)
         }
     }
+}
+
+/// Returns the word at a position of a text and the key before it, if the word is `NaN` or `Infinity`, as programs
+/// write numbers that are not finite.
+fn not_finite(text: &str, line: usize, column: usize) -> Option<(&'static str, &str)> {
+    let start: usize = text
+        .split_inclusive('\n')
+        .take(line.checked_sub(1)?)
+        .map(str::len)
+        .sum();
+    let at = start + column.checked_sub(1)?;
+    let (before, rest) = (text.get(..at)?, text.get(at..)?);
+    let word = ["NaN", "Infinity"]
+        .into_iter()
+        .find(|word| rest.starts_with(word))?;
+    // The key of the value, or of the list of numbers that it is in.
+    let list = |c: char| c.is_ascii_digit() || c.is_whitespace() || "[],+-.eE".contains(c);
+    let key = before.trim_end_matches(list).strip_suffix(':')?.trim_end();
+    let key = key.strip_suffix('"')?;
+    Some((word, &key[key.rfind('"')? + 1..]))
 }
 
 /// Beginning of the message about an object whose last keys were not read.
@@ -279,5 +308,28 @@ mod tests {
         assert!(tree.is_none());
         assert!(problems[0].path.starts_with("line 3"), "{problems:?}");
         assert!(parse("{} {}").0.is_none(), "text after the end");
+    }
+
+    #[test]
+    fn numbers_that_are_not_finite_are_named_with_their_key() {
+        for (text, word, key) in [
+            ("{\"a\": {\"end\": NaN}}", "NaN", "end"),
+            (
+                "{\"a\": 1,\n \"size\": [1.0, -Infinity]}",
+                "Infinity",
+                "size",
+            ),
+            ("{\"list\": [[0, 1e-3],\n [2, NaN]]}", "NaN", "list"),
+        ] {
+            let (_, problems) = parse(text);
+            let found = problems[0].to_string();
+            assert!(found.contains(&format!("`{key}`")), "{found}");
+            assert!(
+                found.contains(word) && found.starts_with("line "),
+                "{found}"
+            );
+        }
+        // A word elsewhere is not a value.
+        assert!(!parse("NaN").1[0].to_string().contains("has no"));
     }
 }
