@@ -73,6 +73,7 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
     super::resting::check(scene, findings);
     super::driven_path::check(scene, findings);
     super::driven_pocket::check(scene, findings);
+    super::driven_plug::check(scene, findings);
     super::outlets::check(scene, findings);
     super::outlets::near_outflow(scene, findings);
     super::driven_squeeze::check(scene, findings);

@@ -15,6 +15,7 @@ pub(crate) mod critical_step;
 pub mod device;
 mod drawings;
 mod driven_path;
+mod driven_plug;
 mod driven_pocket;
 mod driven_squeeze;
 pub mod ends;

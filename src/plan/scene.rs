@@ -5,7 +5,7 @@
 
 pub mod aligned_box;
 pub mod auto;
-mod blocked;
+pub(crate) mod blocked;
 pub mod blocks;
 pub mod bodies;
 pub mod body_force;

@@ -54,8 +54,8 @@ pub(crate) struct Pockets {
     pub(crate) max_compression: f64,
 }
 
-/// Reports openings whose imposed flow cannot leave because solids close the domain, and openings with a free pressure
-/// in a part of the water that reaches no pressure.
+/// Reports openings whose imposed flow cannot leave because solids close the domain, and openings with a free
+/// pressure in a part of the water that reaches no pressure.
 pub(crate) fn check(
     flow: &Flow,
     grid: &Grid,
@@ -124,12 +124,7 @@ pub(crate) fn check(
     }
     free_pressures(&all, findings);
     if let Some(pockets) = pockets {
-        // Populations of links pass between two cells of a solid that touch at an edge or a corner.
-        let reach = if flow.models.lattice == VelocitySet::D3Q27 {
-            3
-        } else {
-            2
-        };
+        let reach = reach_of_links(flow);
         let part = parts(grid, marks, &neighbours(grid, reach));
         fed_pocket(
             &openings_met(flow, grid, &part),
@@ -176,9 +171,9 @@ fn fed_pocket(
     }
 }
 
-/// Reports the first opening with the state of the water that reaches an imposed flow but no imposed pressure, if there
-/// is a pressure elsewhere: nothing determines the pressure of its water. Pockets of an opening that reaches the
-/// pressure elsewhere do not count.
+/// Reports the first opening with the state of the water that reaches an imposed flow but no imposed pressure, if
+/// there is a pressure elsewhere: nothing determines the pressure of its water. Pockets of an opening that reaches
+/// the pressure elsewhere do not count.
 fn free_pressures(openings: &[MetOpening<'_>], findings: &mut Findings) {
     let Some(holding) = openings.iter().find(|one| one.holds) else {
         return;
@@ -252,8 +247,8 @@ fn path_of_imposed(patch: &ScenePatch) -> String {
     path.unwrap_or_else(|| format!("{PATH}.boundaries"))
 }
 
-/// Returns the openings with the connected parts of the water that they meet; `part` has that of each cell, or the mark
-/// of a solid.
+/// Returns the openings with the connected parts of the water that they meet; `part` has that of each cell, or the
+/// mark of a solid.
 fn openings_met<'a>(flow: &'a Flow, grid: &Grid, part: &[u32]) -> Vec<MetOpening<'a>> {
     let openings = openings(flow.patches(), grid);
     let mut found: Vec<MetOpening<'a>> = Vec::new();
@@ -408,6 +403,65 @@ fn neighbours(grid: &Grid, most: usize) -> Vec<[usize; 3]> {
     let steps = |offset: &[usize; 3]| offset.iter().filter(|n| **n > 0).count();
     all.retain(|offset| (1..=most).contains(&steps(offset)));
     all
+}
+
+/// Water among the solids that never move, for solids that come and go.
+pub(crate) struct Ways<'a> {
+    flow: &'a Flow,
+    grid: &'a Grid,
+    marks: Vec<u32>,
+    reach: Vec<[usize; 3]>,
+}
+
+impl<'a> Ways<'a> {
+    /// Returns the water of a scene; none if it has too many cells.
+    pub(crate) fn new(flow: &'a Flow, grid: &'a Grid, solids: &Obstacles<'_>) -> Option<Self> {
+        let cells = grid.cells.iter().product::<usize>();
+        if cells > MAX_CELLS / 10 {
+            return None;
+        }
+        let mut marks = vec![NEW; cells];
+        let structures = solids.structures.iter().filter(|one| one.stops.water());
+        mark_structures(&mut marks, grid, &structures.collect::<Vec<_>>());
+        for body in solids.bodies {
+            if body.mobility == Mobility::Fixed {
+                let ball = (body.position, body.radius);
+                mark_body(&mut marks, grid, ball, body.solid.as_ref());
+            }
+        }
+        let reach = neighbours(grid, reach_of_links(flow));
+        Some(Self {
+            flow,
+            grid,
+            marks,
+            reach,
+        })
+    }
+
+    /// Returns the first opening whose imposed flow has no way out with a ball at a place \[m\], and the relative
+    /// change of the density of its water per time \[1/s\]; none if all have one.
+    pub(crate) fn closed_by(&self, centre: [f64; 3], radius: f64) -> Option<(&'a ScenePatch, f64)> {
+        let mut marks = self.marks.clone();
+        mark_body(&mut marks, self.grid, (centre, radius), None);
+        let part = parts(self.grid, marks, &self.reach);
+        let met = openings_met(self.flow, self.grid, &part);
+        let patch = imposed_without_way_out(&met)?;
+        let here = met.iter().find(|one| std::ptr::eq(one.patch, patch))?;
+        let (number, cells) = here.parts.iter().max_by_key(|(_, cells)| **cells)?;
+        let water = part.iter().filter(|known| *known == number).count();
+        let inflow = here.imposed.abs() * real(*cells);
+        Some((patch, inflow / (self.grid.spacing * real(water))))
+    }
+}
+
+/// Returns the largest number of axes along which a link leads: populations pass between two cells of a solid that
+/// touch at an edge or a corner.
+fn reach_of_links(flow: &Flow) -> usize {
+    if flow.models.lattice == VelocitySet::D3Q27 {
+        3
+    } else {
+        2
+    }
 }
 
 /// Returns the connected part to which each cell belongs, where each cell is connected to its neighbours.
