@@ -361,9 +361,6 @@ pub struct BlockConstants {
     pub(crate) scale: BlockScale,
 }
 
-impl BlockLaw {
-}
-
 impl<S: Space> ContactLaw<S> for BlockLaw {
     type Row = polyhedron::BlockPairLaw;
     type Scale = BlockScale;

@@ -26,13 +26,14 @@ use serde::{Deserialize, Serialize};
 
 use super::super::engine::bodies::Bodies;
 use super::super::space::{Components, Space};
-use super::linear::model_of_linear_springs;
 use super::input::{coefficient, default_ratio, pair_table, parameters_of_grains};
+use super::linear::model_of_linear_springs;
 use super::rolling::{self, Rolling};
 use super::softened::{self, BondStrength, Softened};
 use super::{
     BondOpening, ContactForce, ContactKinematics, ContactLaw, ContactModel, ContactParameters,
-    Failure, Pair, PairProperties, PairTable, Scaled, SceneFacts, linear, load_tangent, save_tangent,
+    Failure, Pair, PairProperties, PairTable, Scaled, SceneFacts, linear, load_tangent,
+    save_tangent,
 };
 use base::error::Report;
 

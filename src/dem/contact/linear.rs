@@ -24,8 +24,8 @@ use super::input::{coefficient, default_ratio, pair_table, parameters_of_grains}
 use super::rolling::{self, Rolling};
 use super::{
     ContactForce, ContactKinematics, ContactLaw, ContactModel, ContactParameters, Pair,
-    PairProperties, PairTable, Scaled, SceneFacts, Springs, StaticContact, cut_to,
-    load_tangent, save_tangent,
+    PairProperties, PairTable, Scaled, SceneFacts, Springs, StaticContact, cut_to, load_tangent,
+    save_tangent,
 };
 use crate::dashpot::{Pulling, over_step, part_of_step};
 use base::error::Report;

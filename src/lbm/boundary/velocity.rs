@@ -1,7 +1,6 @@
 //! Imposed velocity: half-way bounce-back with the velocity of a profile ([`super::wall`]), optionally with
 //! turbulence ([`super::turbulent`]).
 
-use base::vector::{dot, norm};
 use super::links::{LINKS_PER_THREAD, each_part};
 use super::profile::{FaceVelocity, ReadTable, VelocityProfile};
 use super::sound::PlaneWave;
@@ -19,6 +18,7 @@ use base::error::{Error, Problem, Report, Severity};
 use base::history::{self, TimeTable};
 use base::number::real;
 use base::units::LatticeUnits;
+use base::vector::{dot, norm};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
