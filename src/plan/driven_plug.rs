@@ -77,7 +77,7 @@ mod tests {
     use serde_json::{Value, json};
     use std::path::Path;
 
-    /// Returns `true` if a disc of 2.5 cells is named that moves a number of cells towards a slot of a width
+    /// Returns `true` if a disc of 2.6 cells is named that moves a number of cells towards a slot of a width
     /// \[cells\] between two structures of 8 cells, 9 cells in front of it.
     fn named(way: f64, slot: f64, coupling: &Value) -> bool {
         let h = 0.0005;
@@ -94,7 +94,7 @@ mod tests {
                 {"name": "low", "shape": {"box": {"from": [9.0 * h, -h], "to": [17.0 * h, low]}}, "material": "glass"},
                 {"name": "high", "shape": {"box": {"from": [9.0 * h, high], "to": [17.0 * h, 23.0 * h]}},
                  "material": "glass"}],
-            "bodies": [{"name": "plug", "shape": {"disc": {"radius": 2.5 * h}}, "position": [4.0 * h, 11.0 * h],
+            "bodies": [{"name": "plug", "shape": {"disc": {"radius": 2.6 * h}}, "position": [4.0 * h, 11.0 * h],
                         "motion": {"driven": {"velocity": [way * h, 0]}}, "material": "glass"}],
             "coupling": coupling,
             "time": {"end": 1}
@@ -112,9 +112,9 @@ mod tests {
     #[test]
     fn a_driven_disc_that_fills_a_slot_is_named() {
         let links = json!({"bounce_back": {"scheme": "interpolated"}});
-        assert!(named(8.0, 5.1, &links));
-        assert!(!named(1.0, 5.1, &links));
+        assert!(named(8.0, 5.3, &links));
+        assert!(!named(1.0, 5.3, &links));
         assert!(!named(8.0, 8.0, &links));
-        assert!(!named(8.0, 5.1, &json!({"partially_saturated": {}})));
+        assert!(!named(8.0, 5.3, &json!({"partially_saturated": {}})));
     }
 }
