@@ -360,7 +360,10 @@ impl Scene {
                 bodies: &solids.bodies,
                 blocks: solids.blocks.as_ref(),
             };
-            let pockets = (!auto::solids::in_saturated_cells(case)).then_some(blocked::Pockets {
+            let discs =
+                grid.dimension == 2 && solids.bodies.iter().all(|body| body.solid.is_none());
+            let sealed = discs || !auto::solids::in_saturated_cells(case);
+            let pockets = sealed.then_some(blocked::Pockets {
                 end: case.time.end,
                 max_compression: case.guards.max_compression,
             });
