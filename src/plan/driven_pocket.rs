@@ -8,7 +8,7 @@
 //! ```
 //!
 //! cells. Motion that changes V changes the density of its water, whatever the time step. In runs of discs of 5.5 cells
-//! the density changed by a little more than half of what this says, because cells are covered whole. A sphere leaves
+//! the density changed by a little more than half of this, because cells are covered whole. A sphere leaves
 //! the water a way out around it.
 
 use crate::driven_path;

@@ -561,8 +561,8 @@ mod tests {
         assert_eq!(finding([0.028, 0.002], &wall, words), None);
     }
 
-    /// Checks that a disc of 5 cells in radius that closes the corner of an inlet is named, not one a cell away from the
-    /// wall. Its runs ended at a density 27 % too high, with links and in saturated cells.
+    /// Checks that a disc of 5 cells in radius that closes the corner of an inlet is named, not one a cell away
+    /// from the wall. Its runs ended at a density 27 % too high, with links and in saturated cells.
     #[test]
     fn a_pocket_that_an_inlet_feeds_is_named() {
         let severity = |y: f64, coupling: Value| {
