@@ -369,8 +369,8 @@ impl Pressure {
     /// Solves the linear system of a Newton step; returns the number of iterations. The line search judges the
     /// result. Collective.
     ///
-    /// Where conductances at saturation differ by more than the single precision of the multigrid cycle resolves,
-    /// and the iteration does not converge with it, the columns alone are the preconditioner.
+    /// The columns alone are the preconditioner where conductances at saturation differ by more than the single
+    /// precision of the multigrid cycle resolves, and the iteration does not converge with it.
     ///
     /// # Errors
     /// If a stop is requested.
