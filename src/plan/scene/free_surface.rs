@@ -98,6 +98,11 @@ impl WaveForm {
     fn height(&self, at: [f64; 3]) -> f64 {
         self.level + self.amplitude * (self.wave_number * at[self.axis]).cos()
     }
+
+    /// Returns the lowest and the highest coordinate of the surface \[m\].
+    fn range(&self) -> [f64; 2] {
+        [self.level - self.amplitude(), self.level + self.amplitude()]
+    }
 }
 
 impl FreeSurface {
@@ -128,10 +133,22 @@ impl FreeSurface {
             });
             parts.sum::<f64>() / real(samples)
         };
+        // Most cells lie outside the range of a wave and need no samples of it.
+        let of_wave = |range: [f64; 2], axis: usize, height: &dyn Fn([f64; 3]) -> f64| {
+            let [first, last] = range.map(|height| below(height, low[self.axis]));
+            if (first - last).abs() <= 0.0 {
+                first
+            } else {
+                mean(axis, height)
+            }
+        };
         match part {
             WaterPart::Level(height) => below(*height, low[self.axis]),
-            WaterPart::Wave(wave) => mean(wave.axis, &|at| wave.height(at)),
-            WaterPart::Solitary(wave) => mean(wave.axis(), &|at| self.crest_at(wave, at)),
+            WaterPart::Wave(wave) => of_wave(wave.range(), wave.axis, &|at| wave.height(at)),
+            WaterPart::Solitary(wave) => {
+                let range = self.range_of(wave);
+                of_wave(range, wave.axis(), &|at| self.crest_at(wave, at))
+            }
             WaterPart::Solid(solid) => {
                 let middle = low.map(|x| x + 0.5 * h);
                 let distance = solid.distance(middle);
@@ -172,15 +189,9 @@ impl FreeSurface {
         for _ in 0..=self.parts.len() {
             let before = top[axis];
             for part in &self.parts {
-                if let Some(height) = self.top(part, top, &mut chords) {
-                    let higher = if self.rises {
-                        height > top[axis]
-                    } else {
-                        height < top[axis]
-                    };
-                    if higher {
-                        top[axis] = height.clamp(0.0, self.size[axis]);
-                    }
+                let height = self.top(part, top, &mut chords);
+                if let Some(height) = height.filter(|height| self.is_higher(*height, top)) {
+                    top[axis] = height.clamp(0.0, self.size[axis]);
                 }
             }
             if (top[axis] - before).abs() <= 0.0 {
@@ -190,13 +201,25 @@ impl FreeSurface {
         (top[axis] - begin).abs()
     }
 
-    /// Returns the height of the surface of a part above a point in it.
+    /// Returns `true` if a coordinate along the axis of gravity lies above a point.
+    fn is_higher(&self, coordinate: f64, at: [f64; 3]) -> bool {
+        if self.rises {
+            coordinate > at[self.axis]
+        } else {
+            coordinate < at[self.axis]
+        }
+    }
+
+    /// Returns the height of the surface of a part above a point in it; `None` also above the crest of a wave.
     fn top(&self, part: &WaterPart, at: [f64; 3], chords: &mut Vec<[f64; 2]>) -> Option<f64> {
         let axis = self.axis;
+        let reaches = |range: [f64; 2]| range.iter().any(|height| self.is_higher(*height, at));
         match part {
             WaterPart::Level(height) => Some(*height),
-            WaterPart::Wave(wave) => Some(wave.height(at)),
-            WaterPart::Solitary(wave) => Some(self.crest_at(wave, at)),
+            WaterPart::Wave(wave) => reaches(wave.range()).then(|| wave.height(at)),
+            WaterPart::Solitary(wave) => {
+                reaches(self.range_of(wave)).then(|| self.crest_at(wave, at))
+            }
             WaterPart::Solid(solid) => {
                 let length = self.size[axis];
                 let mut along = [0.0; 3];
@@ -212,6 +235,14 @@ impl FreeSurface {
     /// Returns the coordinate of the surface of a solitary wave along the axis of gravity \[m\].
     fn crest_at(&self, wave: &SolitaryForm, at: [f64; 3]) -> f64 {
         wave.level + self.upwards() * wave.elevation(at)
+    }
+
+    /// Returns the coordinates of the level and of the crest of a solitary wave \[m\].
+    fn range_of(&self, wave: &SolitaryForm) -> [f64; 2] {
+        [
+            wave.level,
+            wave.level + self.upwards() * wave.crest_height(),
+        ]
     }
 
     /// Returns 1 if the coordinate along the axis of gravity increases upwards, else -1.
