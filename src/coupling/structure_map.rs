@@ -8,9 +8,12 @@
 //! Populations inside solid cells are not part of the fluid. They are reset to the stationary state every
 //! [`CLEARED`] steps, so that no body force accelerates them without limit.
 
+mod feet;
+
 use super::body_map::{BodyMap, GHOSTS, MapGrid};
 use base::units::LatticeUnits;
 use base::vector::norm;
+use feet::Foot;
 use lbm::boundary::FaceLoads;
 use lbm::fluid::Fluid;
 use lbm::lanes::Stored;
@@ -93,6 +96,8 @@ pub struct StructureMap {
     inside: Vec<u32>,
     /// Links between two fluid cells that a sheet cuts: index of the cell, and direction.
     sheets: HashSet<(usize, u8)>,
+    /// Links through faces next to structures.
+    feet: Vec<Foot>,
 }
 
 impl StructureMap {
@@ -126,6 +131,7 @@ impl StructureMap {
             plane_loads: FaceLoads::default(),
             inside: Vec::new(),
             sheets: HashSet::new(),
+            feet: Vec::new(),
         };
         if local.contains(&0) {
             return map;
@@ -170,7 +176,9 @@ impl StructureMap {
             origin: [0.0; 3],
             spacing: units.spacing,
         };
-        let map = Self::new(fluid.populations(), grid, solids, interpolated);
+        let mut map = Self::new(fluid.populations(), grid, solids, interpolated);
+        map.find_feet(fluid.populations(), &fluid.straight_links());
+        fluid.share_feet(map.shared_feet());
         let closed: Vec<usize> = map.positions(fluid.populations()).collect();
         fluid.close(closed.into_iter());
         let cut: Vec<_> = map.cut_at_planes(fluid.populations()).collect();
@@ -695,6 +703,7 @@ impl StructureMap {
                 *sum += part;
             }
         }
+        self.load_feet(populations);
         self.bounce_at_planes(populations);
     }
 
@@ -741,6 +750,7 @@ impl StructureMap {
                 }
             }
         }
+        self.update_feet(|cell| bodies.is_water(cell));
         for (links, places) in &mut self.mirrored {
             for (link, [own, behind]) in links.iter_mut().zip(places) {
                 link.half.loads = bodies.is_water(*own);

@@ -28,13 +28,14 @@ use super::populations::{Layout, Populations};
 use super::saturation::pass::View as CoverView;
 use super::saturation::{Cover, SaturationMethod};
 use super::surface::SlabSurface;
-use super::term::{self, ClosedCells, Term};
+use super::term::{self, ClosedCells, FootAxes, Term};
 use super::turbulence::EddyViscosity;
 use super::turbulence::field::{Field as VelocityField, View};
 use base::thread_pool;
 use decomposition::{Communicator, Domain};
 use dispatch::{Choice, Step};
 use serde::Serialize;
+use std::collections::HashSet;
 use std::ops::Range;
 
 /// Velocity set, collision operator and eddy viscosity of a fluid: the models for which a pass is compiled.
@@ -657,6 +658,20 @@ impl<S: Stored> Fluid<S> {
     /// loads on the planes are those of the structures.
     pub fn cut_at_planes(&mut self, links: impl Iterator<Item = (u32, u8)>) {
         self.closed.cut_at_planes(links);
+    }
+
+    /// Records the links through faces at the feet of structures: the momentum along these axes is a load on the
+    /// structure.
+    pub fn share_feet(&mut self, links: impl Iterator<Item = ((u32, u8), FootAxes)>) {
+        self.closed.share_feet(links);
+    }
+
+    /// Returns the links, by position of the cell and direction, along which a face at rest or an opening returns a
+    /// population to the cell that sent one. With a free surface openings act after structures and are left out.
+    #[must_use]
+    pub fn straight_links(&self) -> HashSet<(u32, u8)> {
+        let openings = self.surface.is_none();
+        self.boundaries.straight_links(&self.populations, openings)
     }
 
     /// Returns all terms in addition to collision and streaming.

@@ -27,7 +27,7 @@ use super::populations::Populations;
 use super::saturation::Cover;
 use super::surface::SlabSurface;
 use super::turbulence::EddyViscosity;
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 /// Function that makes a term for the slab of these populations, whose first cell is given in cells of the domain.
 pub type TermBuilder<S> = Box<dyn Fn(&Populations<S>, [usize; 3]) -> Box<dyn Term<S>>>;
@@ -142,7 +142,12 @@ pub struct ClosedCells {
     closed: Vec<bool>,
     /// Links, by position of the cell and direction, that structures cut at planes of symmetry.
     cut: HashSet<(u32, u8)>,
+    /// Links through faces at the feet of structures, by position of the cell and direction.
+    feet: HashMap<(u32, u8), FootAxes>,
 }
+
+/// Axes of a link along which it leads into a structure; it leaves the domain along its other axes.
+pub type FootAxes = [bool; 3];
 
 impl ClosedCells {
     /// Marks the cells at these positions of a slab as closed.
@@ -166,6 +171,19 @@ impl ClosedCells {
     #[must_use]
     pub fn cuts(&self, link: (u32, u8)) -> bool {
         self.cut.contains(&link)
+    }
+
+    /// Records the links through faces at the feet of structures: the momentum along these axes is a load on the
+    /// structure, not on the face.
+    pub fn share_feet(&mut self, links: impl Iterator<Item = ((u32, u8), FootAxes)>) {
+        self.feet = links.collect();
+    }
+
+    /// Returns the axes along which a link through a face, given by position of the cell and direction, leads into a
+    /// structure.
+    #[must_use]
+    pub fn foot(&self, link: (u32, u8)) -> FootAxes {
+        self.feet.get(&link).copied().unwrap_or_default()
     }
 
     /// Returns `true` if there are no structures.

@@ -173,6 +173,79 @@ fn faces_beside_a_structure_hold_the_weight_of_the_water() {
     }
 }
 
+/// Checks that a step in still water bears the pressure of water at rest over its whole height and length, up to the
+/// faces of the domain on which it stands, and that faces bear no force along themselves.
+#[test]
+fn a_step_in_still_water_bears_the_pressure_up_to_the_faces() {
+    let _beside = beside_others();
+    for dimension in [2, 3] {
+        let pick = |of: &[f64; 3]| match dimension {
+            2 => vec![of[0], of[2]],
+            _ => of.to_vec(),
+        };
+        let up = if dimension == 2 { "y" } else { "z" };
+        let (low, high) = (pick(&[-1.0, -1.0, -1.0]), pick(&[0.014, 0.01, 0.012]));
+        let floor = format!("{up}_min");
+        let probes = [
+            json!({"name": "step", "every": 0.05, "at": {"structure": {"name": "step"}}}),
+            json!({"name": "floor", "every": 0.05, "at": {"wall": {"face": floor}}}),
+        ];
+        let case = json!({
+            "domain": {"size": pick(&[0.024, 0.016, 0.028]), "spacing": 0.002},
+            "gravity": pick(&[0.0, 0.0, -10.0]),
+            "fluid": {"lattice_boltzmann": {
+                "density": 1000, "kinematic_viscosity": 1e-4, "relaxation_time": 0.8,
+                "surface": {"water": [{"level": 0.022}]}
+            }},
+            "structures": [{"name": "step", "shape": {"box": {"from": low, "to": high}}}],
+            "time": {"end": 0.2},
+            "probes": probes
+        });
+        let study = Study::new(&case.to_string());
+        study.run("one", 1, 1, &[]);
+        let force = |name: &str| {
+            let path = study.path("one").join(format!("probe_{name}.csv"));
+            let text = std::fs::read_to_string(path).unwrap();
+            let before = if name == "step" { "fluid_" } else { "" };
+            let axes: &[&str] = if dimension == 2 {
+                &["x", "y"]
+            } else {
+                &["x", "y", "z"]
+            };
+            let headings: Vec<String> = axes.iter().map(|a| format!("{before}force_{a}")).collect();
+            let row = headings
+                .iter()
+                .map(|heading| columns(&text, [heading.as_str(), "time"]).last().unwrap()[0]);
+            row.collect::<Vec<f64>>()
+        };
+        // Pressure in the middle of its height and on top, in Pa.
+        let (side, top) = (1e4 * 0.016, 1e4 * 0.01);
+        let exact = if dimension == 2 {
+            vec![-side * 0.012, -top * 0.014]
+        } else {
+            vec![
+                -side * 0.012 * 0.01,
+                -side * 0.012 * 0.014,
+                -top * 0.014 * 0.01,
+            ]
+        };
+        let found = force("step");
+        for (found, exact) in found.iter().zip(&exact) {
+            assert!(
+                (found / exact - 1.0).abs() < 2e-3,
+                "{dimension}-D: {found} of {exact}"
+            );
+        }
+        let along = &force("floor")[..dimension - 1];
+        assert!(
+            along
+                .iter()
+                .all(|force| force.abs() < 1e-3 * exact[0].abs()),
+            "{dimension}-D: along the floor {along:?}"
+        );
+    }
+}
+
 /// Returns a box of water with a fixed block on its floor, between the lines of cells or not, and probes of all.
 fn water_around_a_block(floor: &str, water: &Value, base: [f64; 2], scheme: &str) -> Value {
     let names = ["x_min", "x_max", "y_min", "y_max", "z_min", "z_max"];

@@ -1,9 +1,12 @@
 //! Flow through the faces of a slab: mass and momentum of each patch, summed as integers.
 
-use super::{Boundaries, EdgeLink, FACES, Patch, links};
+use super::{Boundaries, EdgeLink, FACES, Patch, SurfaceKind, links};
 use crate::lanes::Stored;
+use crate::lattice::Velocities;
 use crate::populations::{Link, Populations};
 use crate::quanta::quanta;
+use crate::term::ClosedCells;
+use std::collections::HashSet;
 
 /// Momentum and mass that crossed one patch during a step (exact sums over links).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -29,6 +32,15 @@ struct Exchange {
     mirrored: Option<f64>,
 }
 
+impl Exchange {
+    /// Returns the link of the population that enters, by position of the cell and direction: its cell lies in the
+    /// slab, while a mirror image may have come from a ghost cell.
+    fn link(&self, velocities: &Velocities) -> (u32, u8) {
+        let direction = velocities.opposite[self.into.1];
+        (self.cells[1], u8::try_from(direction).unwrap_or(0))
+    }
+}
+
 /// Forces on the faces of the domain, each along its axis, in quanta: lower and upper end of each axis.
 pub type FaceLoads = [[i128; 2]; 3];
 
@@ -38,8 +50,8 @@ pub struct Beside<'a> {
     pub wet: &'a dyn Fn(usize) -> bool,
     /// Returns `true` for the cells of structures and of bodies with a content of their own.
     pub solid: &'a dyn Fn(usize) -> bool,
-    /// Returns `true` for links, by cell and direction, that structures cut at planes of symmetry.
-    pub cut: &'a dyn Fn((u32, u8)) -> bool,
+    /// Structures: links that they cut at planes of symmetry, and links at their feet.
+    pub structures: &'a ClosedCells,
     /// Faces that are planes of symmetry as a whole: lower and upper end of each axis.
     pub planes: [[bool; 2]; 3],
     /// Loads on these planes by water at links into mirror images of solids.
@@ -72,6 +84,7 @@ impl<S: Stored> Boundaries<S> {
                 mirrored,
             } = exchange;
             let [(mut a, i), (mut b, j)] = [out, into];
+            let link = exchange.link(velocities);
             let solids = cells.map(|cell| (beside.solid)(cell as usize));
             let mut counts = solids != [true; 2] && cells.iter().all(|c| (beside.wet)(*c as usize));
             if let Some(own) = mirrored {
@@ -81,8 +94,7 @@ impl<S: Stored> Boundaries<S> {
                     let c = [i, j].map(|i| velocities.c[i][axis]);
                     c[0] == c[1] || beside.planes[axis][usize::from(c[0] > 0)]
                 });
-                let link = (cells[1], u8::try_from(velocities.opposite[j]).unwrap_or(0));
-                let meets = solids.contains(&true) || (beside.cut)(link);
+                let meets = solids.contains(&true) || beside.structures.cuts(link);
                 counts &= !(has_images && meets);
             }
             if !counts {
@@ -93,12 +105,17 @@ impl<S: Stored> Boundaries<S> {
                 i128::from(quanta(b + velocities.w[j])),
             );
             let of_link = |edge: &EdgeLink| (edge.cell, edge.direction);
-            // The link of the population that enters: its cell lies in the slab, while the mirror image may have come
-            // from a ghost cell.
-            let link = (cells[1], velocities.opposite[j]);
-            let edge = self.edges.binary_search_by_key(&link, of_link);
+            let edge = (self.edges).binary_search_by_key(&(link.0, usize::from(link.1)), of_link);
             let of_axes = edge.map_or([patch; 3], |n| self.edges[n].patches);
+            let foot = beside.structures.foot(link);
+            let at_rest = [i, j].map(|i| i128::from(quanta(velocities.w[i])));
             for axis in 0..3 {
+                // The structure has the rest of this component.
+                let [leaves, enters] = if foot[axis] {
+                    at_rest
+                } else {
+                    [leaves, enters]
+                };
                 fluxes[of_axes[axis]].force[axis] += i128::from(velocities.c[i][axis]) * leaves
                     - i128::from(velocities.c[j][axis]) * enters;
             }
@@ -122,26 +139,56 @@ impl<S: Stored> Boundaries<S> {
     }
 
     /// Returns mass and momentum that left through all faces in the last step on this rank, in quanta: mass, then
-    /// momentum. The momentum is that of the cells (positions within an array) for which `counts` is true. Like the
+    /// momentum. The momentum is that of the cells (positions within an array) for which `counts` is true, without that
+    /// which the feet of `structures` receive. Like the
     /// loads on bodies, it is that of the deviations from the state at rest, because the pressure at rest cancels over
     /// a closed surface only.
     #[must_use]
-    pub fn left(&self, populations: &Populations<S>, counts: impl Fn(usize) -> bool) -> [i128; 4] {
+    pub fn left(
+        &self,
+        populations: &Populations<S>,
+        structures: &ClosedCells,
+        counts: impl Fn(usize) -> bool,
+    ) -> [i128; 4] {
         let velocities = populations.velocities();
         let mut sums = [0; 4];
         self.crossings(populations, |exchange| {
             let ends = [(1, exchange.out, 0), (-1, exchange.into, 1)];
+            let foot = structures.foot(exchange.link(velocities));
             for (sign, (deviation, i), n) in ends {
                 let leaves = sign * i128::from(quanta(deviation));
                 sums[0] += leaves;
                 if counts(exchange.cells[n] as usize) {
-                    for axis in 0..3 {
+                    for axis in (0..3).filter(|axis| !foot[*axis]) {
                         sums[axis + 1] += i128::from(velocities.c[i][axis]) * leaves;
                     }
                 }
             }
         });
         sums
+    }
+
+    /// Returns the links at walls at rest and, with `openings`, through openings, by position of the cell and direction.
+    /// Along them the face returns a population to the cell that sent one.
+    #[must_use]
+    pub fn straight_links(
+        &self,
+        populations: &Populations<S>,
+        openings: bool,
+    ) -> HashSet<(u32, u8)> {
+        let velocities = populations.velocities();
+        let mut links = HashSet::new();
+        self.crossings(populations, |exchange| {
+            let counts = match self.patches[exchange.patch].rule.kind().surface {
+                SurfaceKind::Wall => true,
+                SurfaceKind::Opening => openings,
+                SurfaceKind::MovingWall | SurfaceKind::Symmetry => false,
+            };
+            if counts && exchange.mirrored.is_none() {
+                links.insert(exchange.link(velocities));
+            }
+        });
+        links
     }
 
     /// Calls `each` for every link through a face, with the populations that left and entered along it in the last

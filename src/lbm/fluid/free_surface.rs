@@ -145,9 +145,9 @@ impl<S: Stored> Fluid<S> {
             if let Some(cover) = &mut self.cover {
                 surface.act_on_bodies(&mut self.populations, cover, half);
             }
-            let boundaries = &self.boundaries;
+            let (boundaries, structures) = (&self.boundaries, &self.closed);
             let left = |populations: &Populations<S>, wet: &dyn Fn(usize) -> bool| {
-                let [_, momentum @ ..] = boundaries.left(populations, wet);
+                let [_, momentum @ ..] = boundaries.left(populations, structures, wet);
                 momentum
             };
             surface.complete(&mut self.populations, &left);

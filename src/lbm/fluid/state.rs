@@ -191,7 +191,7 @@ impl<S: Stored> Fluid<S> {
         let beside = Beside {
             wet: &wet,
             solid: &solid,
-            cut: &|link| self.closed.cuts(link),
+            structures: &self.closed,
             planes: self.planes_of_symmetry(),
             loads,
         };
@@ -206,7 +206,8 @@ impl<S: Stored> Fluid<S> {
     /// momentum is that of the cells for which `counts` is true (local coordinates), without the pressure at rest.
     pub fn left(&self, counts: impl Fn([usize; 3]) -> bool) -> [i128; 4] {
         let counts = |position| counts(self.interior_coordinates(position));
-        self.boundaries.left(&self.populations, counts)
+        self.boundaries
+            .left(&self.populations, &self.closed, counts)
     }
 
     /// Computes the mass that left through each patch during the last step on this rank, in quanta, at the cells

@@ -1,0 +1,147 @@
+//! Feet of structures: links that leave the domain next to a structure.
+//!
+//! A link from a cell in the corner between a face of the domain and a structure leaves the domain along one or two
+//! axes and leads into the structure along the others. The face returns its population, but its momentum acts on both:
+//! along the axes on which it leaves on the face, along the others on the structure. In water at rest the structure then
+//! has the pressure over its whole height; without these links a sixth of that of its lowest cell is missing.
+
+use super::{StructureMap, WATER};
+use lbm::lanes::Stored;
+use lbm::links::{Load, add_force};
+use lbm::populations::{Link, Populations};
+use lbm::quanta::quanta;
+use lbm::term::FootAxes;
+use std::collections::HashSet;
+
+/// Link through a face at the foot of a structure.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Foot {
+    structure: usize,
+    /// Positions of the two populations.
+    link: Link,
+    /// Position in the lattice of the cell, and direction.
+    key: (u32, u8),
+    /// Part of the direction that leads into the structure.
+    into: [i8; 3],
+    /// Midpoint of the link in half cells, in the frame of the domain.
+    middle: [i32; 3],
+    /// Position in the map of the cell.
+    cell: u32,
+    /// `true` if the cell is water.
+    wet: bool,
+}
+
+impl StructureMap {
+    /// Finds the feet of the structures among the links `straight`, along which a face returns a population to the cell
+    /// that sent one, by position of the cell in the lattice and direction.
+    pub(super) fn find_feet<S: Stored>(
+        &mut self,
+        populations: &Populations<S>,
+        straight: &HashSet<(u32, u8)>,
+    ) {
+        let velocities = populations.velocities();
+        let mut feet = Vec::new();
+        for (links, group) in self.links.iter().zip(&self.groups) {
+            for (link, ends) in links.iter().zip(&group.places) {
+                let forth = usize::from(link.direction);
+                let back = velocities.opposite[forth];
+                let near = link.link.near as usize - populations.slot(0, back);
+                let far = link.link.far as usize - populations.slot(0, forth);
+                for (end, (cell, direction)) in [(near, forth), (far, back)].into_iter().enumerate()
+                {
+                    if ends.wet[end] {
+                        let of_end = (cell, velocities.c[direction], ends.cells[end]);
+                        self.feet_of(group.structure, of_end, populations, straight, &mut feet);
+                    }
+                }
+            }
+        }
+        // A link has one part that stays in the domain, so that no foot occurs twice.
+        feet.sort_unstable_by_key(|foot: &Foot| foot.key);
+        self.feet = feet;
+    }
+
+    /// Adds the feet of a structure at a link along `into` from a cell, given by its positions in the lattice and in the
+    /// map.
+    fn feet_of<S: Stored>(
+        &self,
+        structure: usize,
+        (position, into, cell): (usize, [i8; 3], u32),
+        populations: &Populations<S>,
+        straight: &HashSet<(u32, u8)>,
+        feet: &mut Vec<Foot>,
+    ) {
+        let velocities = populations.velocities();
+        let at = populations.coordinates(position);
+        for (j, c) in velocities.c.iter().enumerate().take(velocities.q()) {
+            let along = (0..3).filter(|&a| into[a] != 0);
+            if *c == into || !along.into_iter().all(|a| c[a] == into[a]) {
+                continue;
+            }
+            let key = (
+                u32::try_from(position).unwrap_or(u32::MAX),
+                u8::try_from(j).unwrap_or(0),
+            );
+            let leaves = (0..3).all(|a| into[a] != 0 || c[a] == 0 || self.leaves(at, a, c[a]));
+            if !leaves || !straight.contains(&key) {
+                continue;
+            }
+            let start = |a: usize| i32::try_from(self.grid.start[a]).unwrap_or(i32::MAX);
+            feet.push(Foot {
+                structure,
+                link: populations.link(position, j),
+                key,
+                into,
+                middle: std::array::from_fn(|a| {
+                    if a < self.dimension {
+                        2 * (i32::try_from(at[a]).unwrap_or(i32::MAX) + start(a))
+                            + 1
+                            + i32::from(c[a])
+                    } else {
+                        0
+                    }
+                }),
+                cell,
+                wet: true,
+            });
+        }
+    }
+
+    /// Returns `true` if a step of one cell along an axis leaves the domain.
+    fn leaves(&self, at: [isize; 3], axis: usize, step: i8) -> bool {
+        let mut next = at.map(|x| i32::try_from(x).unwrap_or(i32::MAX));
+        next[axis] += i32::from(step);
+        !self.in_domain(next)
+    }
+
+    /// Returns the feet by position of the cell in the lattice and direction, with the axes along which they lead into
+    /// structures.
+    pub(super) fn shared_feet(&self) -> impl Iterator<Item = ((u32, u8), FootAxes)> + '_ {
+        self.feet
+            .iter()
+            .map(|foot| (foot.key, foot.into.map(|c| c != 0)))
+    }
+
+    /// Adds the loads at the feet in this step, after the faces have returned their populations.
+    pub(super) fn load_feet<S: Stored>(&mut self, populations: &Populations<S>) {
+        let (parity, numbers) = (populations.parity(), populations.numbers());
+        for foot in self.feet.iter().filter(|foot| foot.wet) {
+            let [left, returned] = [foot.link.out(parity), foot.link.incoming(parity)];
+            let load: &mut Load = &mut self.loads[foot.structure];
+            let both = quanta(numbers[left].to_f64()) + quanta(numbers[returned].to_f64());
+            let force = foot.into.map(|c| i64::from(c) * both);
+            if self.dimension == 2 {
+                add_force::<2>(load, force, foot.middle);
+            } else {
+                add_force::<3>(load, force, foot.middle);
+            }
+        }
+    }
+
+    /// Updates which feet are in water: `is_water` returns this for a cell, given by its position in the map.
+    pub(super) fn update_feet(&mut self, is_water: impl Fn(u32) -> bool) {
+        for foot in &mut self.feet {
+            foot.wet = self.owner[foot.cell as usize] == WATER && is_water(foot.cell);
+        }
+    }
+}
