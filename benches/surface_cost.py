@@ -4,7 +4,8 @@
     python3 benches/surface_cost.py SOLVER [--table FILE] [--turns N]
 
 Water of 96 x 96 x 48 cells (3-D) or 768 x 384 (2-D) moves as a standing wave. It runs closed (full box, no surface), with a quarter of its
-depth of air above it, and in a box of ten times its depth. Times are those of the step loop, in alternation, the least of N turns (else 5),
+depth of air above it, and in a box of ten times its depth. In 3-D the rows of the lattice run along the crests in all boxes, because interface cells
+cost more where they are not adjacent in a row; one more box of ten times the depth has rows across the crests. Times are those of the step loop, in alternation, the least of N turns (else 5),
 per step and cell of water: the difference between runs of 300 and of 100 steps, so that what a run does once, as the first access to the memory of a
 large box, does not count. The columns are the ratio to the closed run on one rank, and the speed-up on two ranks.
 """
@@ -23,11 +24,19 @@ SCENES = {"3-D": [96, 96, 48], "2-D": [768, 384]}
 STEPS = (100, 300)
 # Depth of the box over the depth of the water; 1: closed.
 BOXES = {"closed": 1, "a quarter of air": 1.25, "nine tenths of air": 10}
+# The same with rows across the crests.
+ACROSS = "nine tenths of air; rows across the crests"
 SPACING = 0.002
 
 
-def case(cells, box, steps):
+def boxes(cells):
+    """Returns the boxes of a scene."""
+    return BOXES | ({ACROSS: BOXES["nine tenths of air"]} if len(cells) == 3 else {})
+
+
+def case(cells, name, steps):
     """Returns the case of a box."""
+    box = boxes(cells)[name]
     size = [n * SPACING for n in cells]
     level = size[-1]
     up = len(cells) - 1
@@ -37,9 +46,13 @@ def case(cells, box, steps):
     gravity[up] = -9.81
     lattice = {"density": 1000, "kinematic_viscosity": 2e-4, "time_step": step}
     if box > 1:
-        lattice["surface"] = {"water": [{"wave": {"level": level, "amplitude": level / 20, "axis": "x"}}]}
+        axis = "y" if up == 2 and name != ACROSS else "x"
+        lattice["surface"] = {"water": [{"wave": {"level": level, "amplitude": level / 20, "axis": axis}}]}
+    domain = {"size": size, "spacing": SPACING, "periodic": ["x", "y"][:up]}
+    if up == 2:
+        domain["split"] = "z"
     return {
-        "domain": {"size": size, "spacing": SPACING, "periodic": ["x", "y"][:up]},
+        "domain": domain,
         "gravity": gravity,
         "fluid": {"lattice_boltzmann": lattice},
         "time": {"end": steps * step},
@@ -71,17 +84,18 @@ def main():
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         for scene, cells in SCENES.items():
-            times = {(box, ranks, steps): [] for box in BOXES for ranks in (1, 2) for steps in STEPS}
+            names = boxes(cells)
+            times = {(box, ranks, steps): [] for box in names for ranks in (1, 2) for steps in STEPS}
             for _ in range(given.turns):
                 for box, ranks, steps in times:
-                    times[box, ranks, steps].append(seconds(solver, folder, case(cells, BOXES[box], steps), ranks))
+                    times[box, ranks, steps].append(seconds(solver, folder, case(cells, box, steps), ranks))
             short, long = STEPS
             a_step = {
                 (box, ranks): (min(times[box, ranks, long]) - min(times[box, ranks, short])) / (long - short)
-                for box in BOXES
+                for box in names
                 for ranks in (1, 2)
             }
-            for box in BOXES:
+            for box in names:
                 one, two = a_step[box, 1], a_step[box, 2]
                 over = one / a_step["closed", 1]
                 lines.append(f"{scene},{box},{one / math.prod(cells) * 1e9:.3g},{over:.3f},{one / two:.3f}")
