@@ -20,7 +20,7 @@ use lbm::lanes::Stored;
 use lbm::links::fixed::{FixedLink, bounce_fixed};
 use lbm::links::gaps::Gaps;
 use lbm::links::mirrored::{MirroredLink, MirroredLoads, bounce_mirrored};
-use lbm::links::{BodyLink, Load, Rigid, Scheme};
+use lbm::links::{BodyLink, Load, Rigid, Scheme, add_force};
 use lbm::populations::Populations;
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -35,10 +35,12 @@ const WATER: u16 = 0;
 /// Distance in cells from the middle of a link, or from a surface, that is attributed to rounding.
 const HALF: f64 = 1e-9;
 
-/// Group of links of one structure.
+/// Group of links of one structure, or one link whose momentum acts on several.
 #[derive(Clone, Debug)]
 struct Group {
     structure: usize,
+    /// Structure that receives the momentum along each axis.
+    of_axes: [usize; 3],
     places: Vec<Ends>,
 }
 
@@ -504,18 +506,50 @@ impl StructureMap {
                 wet: ends.wet,
                 kappa: ends.kappa,
             };
-            by_structure[cut.structure].0.push(link);
-            by_structure[cut.structure].1.push(ends);
+            let of_axes = self.structures_of_axes(&cut, c);
+            if of_axes == [cut.structure; 3] {
+                by_structure[cut.structure].0.push(link);
+                by_structure[cut.structure].1.push(ends);
+            } else {
+                self.links.push(vec![link]);
+                self.groups.push(Group {
+                    structure: cut.structure,
+                    of_axes,
+                    places: vec![ends],
+                });
+            }
         }
         for (structure, (links, ends)) in by_structure.iter().enumerate() {
             for (links, ends) in links.chunks(GROUP).zip(ends.chunks(GROUP)) {
                 self.links.push(links.to_vec());
                 self.groups.push(Group {
                     structure,
+                    of_axes: [structure; 3],
                     places: ends.to_vec(),
                 });
             }
         }
+    }
+
+    /// Returns the structures that receive the momentum along each axis of a link along `c`.
+    ///
+    /// In the corner between two structures a link crosses both. Like that at the foot of a structure ([`feet`]), it
+    /// acts along an axis on the structure that lies there.
+    fn structures_of_axes(&self, cut: &Cut, c: [i32; 3]) -> [usize; 3] {
+        let [cell, next] = cut.cells;
+        let mut of_axes = [cut.structure; 3];
+        if self.owner[self.position(next)] == WATER {
+            return of_axes;
+        }
+        for a in 0..self.dimension {
+            let mut beside = cell;
+            beside[a] += c[a];
+            let tag = self.owner[self.position(beside)];
+            if c[a] != 0 && tag != WATER {
+                of_axes[a] = usize::from(tag) - 1;
+            }
+        }
+        of_axes
     }
 
     /// Lists the links through planes of symmetry that end in the mirror image of a solid.
@@ -698,13 +732,37 @@ impl StructureMap {
             bounce_fixed::<S, 3>(populations, &self.links, &mut self.group_loads);
         }
         self.loads.fill([0; 6]);
-        for (group, load) in self.groups.iter().zip(&self.group_loads) {
-            for (sum, part) in self.loads[group.structure].iter_mut().zip(load) {
-                *sum += part;
+        let loads = std::mem::take(&mut self.group_loads);
+        for (n, load) in loads.iter().enumerate() {
+            let Group {
+                structure, of_axes, ..
+            } = self.groups[n];
+            if of_axes == [structure; 3] {
+                for (sum, part) in self.loads[structure].iter_mut().zip(load) {
+                    *sum += part;
+                }
+            } else {
+                let force = std::array::from_fn(|a| i64::try_from(load[a]).unwrap_or(0));
+                self.add_by_axis(of_axes, force, self.links[n][0].middle);
             }
         }
+        self.group_loads = loads;
         self.load_feet(populations);
         self.bounce_at_planes(populations);
+    }
+
+    /// Adds each component of a force, in quanta, at a point in half cells to the structure of its axis.
+    fn add_by_axis(&mut self, of_axes: [usize; 3], force: [i64; 3], at: [i32; 3]) {
+        for (a, structure) in of_axes.into_iter().enumerate() {
+            let mut along = [0; 3];
+            along[a] = force[a];
+            let load = &mut self.loads[structure];
+            if self.dimension == 2 {
+                add_force::<2>(load, along, at);
+            } else {
+                add_force::<3>(load, along, at);
+            }
+        }
     }
 
     /// Returns the loads of the last step on each structure by the links of this slab: force, and twice the moment

@@ -246,6 +246,53 @@ fn a_step_in_still_water_bears_the_pressure_up_to_the_faces() {
     }
 }
 
+/// Checks that each of two structures that meet in still water bears the pressure of water at rest on its own faces.
+#[test]
+fn structures_that_meet_bear_the_pressure_on_their_own_faces() {
+    let _beside = beside_others();
+    let names = ["bed", "step"];
+    let probes =
+        names.map(|name| json!({"name": name, "every": 0.05, "at": {"structure": {"name": name}}}));
+    // The step ends on the bed, or goes on in it.
+    for foot in [0.004, -1.0] {
+        let case = json!({
+            "domain": {"size": [0.024, 0.028], "spacing": 0.002},
+            "gravity": [0, -10],
+            "fluid": {"lattice_boltzmann": {
+                "density": 1000, "kinematic_viscosity": 1e-4, "relaxation_time": 0.8,
+                "surface": {"water": [{"level": 0.022}]}
+            }},
+            "structures": [
+                {"name": "bed", "shape": {"box": {"from": [-1, -1], "to": [1, 0.004]}}},
+                {"name": "step", "shape": {"box": {"from": [-1, foot], "to": [0.014, 0.012]}}}],
+            "time": {"end": 0.2},
+            "probes": probes
+        });
+        let study = Study::new(&case.to_string());
+        study.run("one", 1, 1, &[]);
+        let [bed, step] = names.map(|name| {
+            let path = study.path("one").join(format!("probe_{name}.csv"));
+            let text = std::fs::read_to_string(path).unwrap();
+            columns(&text, ["fluid_force_x", "fluid_force_y"])
+                .last()
+                .copied()
+                .unwrap()
+        });
+        let exact = [
+            [0.0, -1e4 * 0.018 * 0.01],
+            [-1e4 * 0.014 * 0.008, -1e4 * 0.01 * 0.014],
+        ];
+        for (found, exact) in [bed, step].into_iter().zip(exact) {
+            for (found, exact) in found.into_iter().zip(exact) {
+                assert!(
+                    (found - exact).abs() < 2e-3,
+                    "foot at {foot}: {found} of {exact} N/m"
+                );
+            }
+        }
+    }
+}
+
 /// Returns a box of water with a fixed block on its floor, between the lines of cells or not, and probes of all.
 fn water_around_a_block(floor: &str, water: &Value, base: [f64; 2], scheme: &str) -> Value {
     let names = ["x_min", "x_max", "y_min", "y_max", "z_min", "z_max"];

@@ -7,7 +7,6 @@
 
 use super::{StructureMap, WATER};
 use lbm::lanes::Stored;
-use lbm::links::{Load, add_force};
 use lbm::populations::{Link, Populations};
 use lbm::quanta::quanta;
 use lbm::term::FootAxes;
@@ -16,7 +15,8 @@ use std::collections::HashSet;
 /// Link through a face at the foot of a structure.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Foot {
-    structure: usize,
+    /// Structure that receives the momentum along each axis.
+    of_axes: [usize; 3],
     /// Positions of the two populations.
     link: Link,
     /// Position in the lattice of the cell, and direction.
@@ -51,7 +51,7 @@ impl StructureMap {
                 {
                     if ends.wet[end] {
                         let of_end = (cell, velocities.c[direction], ends.cells[end]);
-                        self.feet_of(group.structure, of_end, populations, straight, &mut feet);
+                        self.feet_of(group.of_axes, of_end, populations, straight, &mut feet);
                     }
                 }
             }
@@ -65,7 +65,7 @@ impl StructureMap {
     /// map.
     fn feet_of<S: Stored>(
         &self,
-        structure: usize,
+        of_axes: [usize; 3],
         (position, into, cell): (usize, [i8; 3], u32),
         populations: &Populations<S>,
         straight: &HashSet<(u32, u8)>,
@@ -88,7 +88,7 @@ impl StructureMap {
             }
             let start = |a: usize| i32::try_from(self.grid.start[a]).unwrap_or(i32::MAX);
             feet.push(Foot {
-                structure,
+                of_axes,
                 link: populations.link(position, j),
                 key,
                 into,
@@ -125,17 +125,14 @@ impl StructureMap {
     /// Adds the loads at the feet in this step, after the faces have returned their populations.
     pub(super) fn load_feet<S: Stored>(&mut self, populations: &Populations<S>) {
         let (parity, numbers) = (populations.parity(), populations.numbers());
-        for foot in self.feet.iter().filter(|foot| foot.wet) {
+        let feet = std::mem::take(&mut self.feet);
+        for foot in feet.iter().filter(|foot| foot.wet) {
             let [left, returned] = [foot.link.out(parity), foot.link.incoming(parity)];
-            let load: &mut Load = &mut self.loads[foot.structure];
             let both = quanta(numbers[left].to_f64()) + quanta(numbers[returned].to_f64());
             let force = foot.into.map(|c| i64::from(c) * both);
-            if self.dimension == 2 {
-                add_force::<2>(load, force, foot.middle);
-            } else {
-                add_force::<3>(load, force, foot.middle);
-            }
+            self.add_by_axis(foot.of_axes, force, foot.middle);
         }
+        self.feet = feet;
     }
 
     /// Updates which feet are in water: `is_water` returns this for a cell, given by its position in the map.
