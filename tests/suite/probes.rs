@@ -187,18 +187,18 @@ fn a_step_in_still_water_bears_the_pressure_up_to_the_faces() {
         let (low, high) = (pick(&[-1.0, -1.0, -1.0]), pick(&[0.014, 0.01, 0.012]));
         let floor = format!("{up}_min");
         let probes = [
-            json!({"name": "step", "every": 0.05, "at": {"structure": {"name": "step"}}}),
-            json!({"name": "floor", "every": 0.05, "at": {"wall": {"face": floor}}}),
+            json!({"name": "step", "every": 0.01, "at": {"structure": {"name": "step"}}}),
+            json!({"name": "floor", "every": 0.01, "at": {"wall": {"face": floor}}}),
         ];
         let case = json!({
             "domain": {"size": pick(&[0.024, 0.016, 0.028]), "spacing": 0.002},
             "gravity": pick(&[0.0, 0.0, -10.0]),
             "fluid": {"lattice_boltzmann": {
-                "density": 1000, "kinematic_viscosity": 1e-4, "relaxation_time": 0.8,
+                "density": 1000, "kinematic_viscosity": 1e-3, "time_step": 1e-4,
                 "surface": {"water": [{"level": 0.022}]}
             }},
             "structures": [{"name": "step", "shape": {"box": {"from": low, "to": high}}}],
-            "time": {"end": 0.2},
+            "time": {"end": 0.05},
             "probes": probes
         });
         let study = Study::new(&case.to_string());
@@ -252,20 +252,20 @@ fn structures_that_meet_bear_the_pressure_on_their_own_faces() {
     let _beside = beside_others();
     let names = ["bed", "step"];
     let probes =
-        names.map(|name| json!({"name": name, "every": 0.05, "at": {"structure": {"name": name}}}));
+        names.map(|name| json!({"name": name, "every": 0.01, "at": {"structure": {"name": name}}}));
     // The step ends on the bed, or goes on in it.
     for foot in [0.004, -1.0] {
         let case = json!({
             "domain": {"size": [0.024, 0.028], "spacing": 0.002},
             "gravity": [0, -10],
             "fluid": {"lattice_boltzmann": {
-                "density": 1000, "kinematic_viscosity": 1e-4, "relaxation_time": 0.8,
+                "density": 1000, "kinematic_viscosity": 1e-3, "time_step": 1e-4,
                 "surface": {"water": [{"level": 0.022}]}
             }},
             "structures": [
                 {"name": "bed", "shape": {"box": {"from": [-1, -1], "to": [1, 0.004]}}},
                 {"name": "step", "shape": {"box": {"from": [-1, foot], "to": [0.014, 0.012]}}}],
-            "time": {"end": 0.2},
+            "time": {"end": 0.05},
             "probes": probes
         });
         let study = Study::new(&case.to_string());

@@ -1,9 +1,10 @@
 //! Feet of structures: links that leave the domain next to a structure.
 //!
 //! A link from a cell in the corner between a face of the domain and a structure leaves the domain along one or two
-//! axes and leads into the structure along the others. The face returns its population, but its momentum acts on both:
-//! along the axes on which it leaves on the face, along the others on the structure. In water at rest the structure then
-//! has the pressure over its whole height; without these links a sixth of that of its lowest cell is missing.
+//! axes and leads into the structure along the others. The face returns its population, but its momentum acts on
+//! both: along the axes on which it leaves on the face, along the others on the structure. In water at rest the
+//! structure then has the pressure over its whole height; without these links a sixth of that of its lowest cell is
+//! missing.
 
 use super::{StructureMap, WATER};
 use lbm::lanes::Stored;
@@ -61,8 +62,8 @@ impl StructureMap {
         self.feet = feet;
     }
 
-    /// Adds the feet of a structure at a link along `into` from a cell, given by its positions in the lattice and in the
-    /// map.
+    /// Adds the feet of a structure at a link along `into` from a cell, given by its positions in the lattice and
+    /// in the map.
     fn feet_of<S: Stored>(
         &self,
         of_axes: [usize; 3],

@@ -168,8 +168,8 @@ impl<S: Stored> Boundaries<S> {
         sums
     }
 
-    /// Returns the links at walls at rest and, with `openings`, through openings, by position of the cell and direction.
-    /// Along them the face returns a population to the cell that sent one.
+    /// Returns the links at walls at rest and, with `openings`, through openings, by position of the cell and
+    /// direction. Along them the face returns a population to the cell that sent one.
     #[must_use]
     pub fn straight_links(
         &self,
