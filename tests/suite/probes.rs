@@ -253,7 +253,7 @@ fn structures_that_meet_bear_the_pressure_on_their_own_faces() {
     let names = ["bed", "step"];
     let probes =
         names.map(|name| json!({"name": name, "every": 0.01, "at": {"structure": {"name": name}}}));
-    // The step ends on the bed, or goes on in it.
+    // The foot of the step lies on the bed, or below its surface.
     for foot in [0.004, -1.0] {
         let case = json!({
             "domain": {"size": [0.024, 0.028], "spacing": 0.002},
