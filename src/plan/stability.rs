@@ -19,6 +19,7 @@
 
 use super::margin::{Margin, USUAL_LATTICE_VELOCITY, margin};
 use crate::scene::Scene;
+use crate::scene::auto::density;
 use crate::scene::findings::{Findings, number};
 use crate::scene::flow::Flow;
 use crate::scene::speed::{self, Speed};
@@ -134,9 +135,60 @@ pub(super) fn check(
         lid_meets_wall: lid_meets_wall(flow),
         eddies: flow.models.turbulence.is_some(),
     };
-    let of_surroundings = fastest(speeds).zip(model.border(&situation));
+    let border = model.border(&situation);
+    let imposed = fastest(speeds);
+    if let (Some(imposed), Some(border)) = (&imposed, &border)
+        && scene.surface.is_none()
+        && of_moving.is_some()
+    {
+        warn_of_jets(scene, flow, (imposed, border), findings);
+    }
+    let of_surroundings = imposed.zip(border);
     for (speed, border) in of_surroundings.into_iter().chain(of_moving) {
         add_speed_margin(scene, flow, &speed, &border, margins, findings);
+    }
+}
+
+/// Warns of jets in narrow sections beyond the stability limit next to bodies that move, if the imposed speed is within
+/// it. The maps contain no jets: between fixed solids many are stable beyond the limit, next to moving ones some fail.
+fn warn_of_jets(
+    scene: &Scene,
+    flow: &Flow,
+    (imposed, border): (&Speed, &Border),
+    findings: &mut Findings,
+) {
+    let cell = |speed: f64| speed * scene.grid.spacing / flow.kinematic_viscosity;
+    let limit = |speed: f64| {
+        let lattice_velocity = speed * flow.time_step / scene.grid.spacing;
+        let mut bounds = border.bounds.iter();
+        bounds.find(|part| lattice_velocity <= part.lattice_velocity)
+    };
+    if limit(imposed.value).is_none_or(|limit| cell(imposed.value) >= limit.fails) {
+        return;
+    }
+    for jet in density::jets(scene, flow) {
+        let Some(limit) = limit(jet.speed).filter(|limit| cell(jet.speed) >= limit.fails) else {
+            continue;
+        };
+        findings.warn(
+            &jet.path,
+            format!(
+                "the water passes the narrowest section between solids, {} % of the whole, at {} m/s: a cell Reynolds \
+                 number U h/nu of {}; in the stability map `{}` runs with this operator were stable up to {} and \
+                 failed at {} and above, and jets next to moving bodies failed",
+                number(100.0 * jet.open),
+                number(jet.speed),
+                number(cell(jet.speed)),
+                border.map,
+                number(limit.holds),
+                number(limit.fails),
+            ),
+            finer_cells(
+                scene,
+                flow,
+                scene.grid.spacing * limit.holds.max(0.5 * limit.fails) / cell(jet.speed),
+            ),
+        );
     }
 }
 
@@ -424,6 +476,49 @@ mod tests {
                 unstable, fails,
                 "{dimension} {coupling} {collision} {cell}: {found:?}"
             );
+        }
+    }
+
+    /// Checks three discs that leave 13 % of a channel open, beyond whose gaps the water has a cell Reynolds number of 23:
+    /// driven across the stream they ended a run at step 300, fixed they did not.
+    #[test]
+    fn jets_next_to_moving_bodies_are_warned_of() {
+        for (motion, warned) in [
+            (
+                serde_json::json!({"driven": {"velocity": [0, -0.012]}}),
+                true,
+            ),
+            (serde_json::json!({"fixed": {}}), false),
+        ] {
+            let h = 0.01 / 21.0;
+            let bodies = [1.5, 8.8, 16.1].map(|y| {
+                serde_json::json!({
+                    "name": format!("disc{y}"), "shape": {"disc": {"radius": 3.2 * h}},
+                    "position": [16.0 * h, y * h], "motion": motion, "material": "steel"
+                })
+            });
+            let case = serde_json::json!({
+                "domain": {"size": [32.0 * h, 22.0 * h], "spacing": h, "periodic": ["y"]},
+                "materials": {"steel": {"density": 1075}},
+                "fluid": {"lattice_boltzmann": {
+                    "density": 1024, "kinematic_viscosity": 6.5e-6, "relaxation_time": 0.51,
+                    "boundaries": [
+                        {"name": "in", "face": "x_min", "condition": {"velocity": {
+                            "profile": {"uniform": [0.04, 0]}, "ramp_time": 0.015}}},
+                        {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}}
+                    ]
+                }},
+                "bodies": bodies,
+                "coupling": {"bounce_back": {"scheme": "half_way"}},
+                "time": {"end": 0.06}
+            });
+            let document =
+                Document::read(&case.to_string(), &[], std::path::Path::new("")).unwrap();
+            let found = Plan::prepare(document).unwrap().warnings;
+            let says = |w: &base::error::Problem| {
+                w.to_string().contains("narrowest section between solids")
+            };
+            assert_eq!(found.iter().any(says), warned, "{motion}: {found:?}");
         }
     }
 }

@@ -243,13 +243,7 @@ pub(crate) fn flow_causes(scene: &Scene, flow: &Flow, narrow_gaps: &[(usize, Gap
     }
     causes.extend(flow.patches().filter_map(|patch| lid(scene, flow, patch)));
     for (axis, sections) in sections.iter().enumerate() {
-        // Use the opening with the largest discharge along each axis.
-        let through = inlets.iter().filter(|inlet| inlet.axis == axis);
-        let discharges = through.filter_map(|inlet| Some((inlet.discharge(scene)?, inlet)));
-        let largest = discharges.fold(None, |known: Option<(f64, &Inlet)>, found| match known {
-            Some(known) if known.0 >= found.0 => Some(known),
-            _ => (found.0 > 0.0).then_some(found),
-        });
+        let largest = largest_discharge(scene, &inlets, axis);
         if let Some((discharge, inlet)) = largest {
             let loss = loss(scene, flow, axis, discharge, sections.as_ref(), narrow_gaps);
             causes.extend(
@@ -271,6 +265,46 @@ pub(crate) fn flow_causes(scene: &Scene, flow: &Flow, narrow_gaps: &[(usize, Gap
         causes.push(Cause::steady("the pressure in a pilot", path, pressure));
     }
     causes
+}
+
+/// Returns the opening with the largest discharge along an axis, and that discharge.
+fn largest_discharge<'a, 'b>(
+    scene: &Scene,
+    inlets: &'b [Inlet<'a>],
+    axis: usize,
+) -> Option<(f64, &'b Inlet<'a>)> {
+    let through = inlets.iter().filter(|inlet| inlet.axis == axis);
+    let discharges = through.filter_map(|inlet| Some((inlet.discharge(scene)?, inlet)));
+    discharges.fold(None, |known, found| match known {
+        Some(known) if known.0 >= found.0 => Some(known),
+        _ => (found.0 > 0.0).then_some(found),
+    })
+}
+
+/// Water that an opening drives through the narrowest section between solids along an axis.
+pub(crate) struct Jet {
+    /// JSON path of the field that determines its speed.
+    pub(crate) path: String,
+    /// Mean velocity in the section [m/s].
+    pub(crate) speed: f64,
+    /// Open fraction of the section.
+    pub(crate) open: f64,
+}
+
+/// Returns the jets in the narrowest sections along each axis.
+pub(crate) fn jets(scene: &Scene, flow: &Flow) -> Vec<Jet> {
+    let inlets = flow.patches().filter(|patch| imposes_a_velocity(patch));
+    let inlets: Vec<Inlet> = inlets.filter_map(Inlet::new).collect();
+    let jets = (0..scene.grid.dimension).filter_map(|axis| {
+        let (discharge, inlet) = largest_discharge(scene, &inlets, axis)?;
+        let found = sections::along(scene, flow, axis, |across| ends(scene, flow, across))?;
+        Some(Jet {
+            path: inlet.path.clone(),
+            speed: discharge / found.smallest,
+            open: found.open,
+        })
+    });
+    jets.collect()
 }
 
 fn imposes_a_velocity(patch: &ScenePatch) -> bool {
