@@ -309,6 +309,18 @@ fn dependencies(manifest: &str) -> Vec<&str> {
     names
 }
 
+/// Returns whether the doc comments of a source contain code that a doc test runs: a block without the mark of another language.
+fn has_doc_tests(text: &str) -> bool {
+    let docs = text.lines().filter_map(|line| {
+        let line = line.trim_start();
+        line.strip_prefix("///").or(line.strip_prefix("//!"))
+    });
+    let fences = docs.filter_map(|line| line.trim().strip_prefix("```"));
+    fences
+        .step_by(2)
+        .any(|mark| !matches!(mark, "text" | "json"))
+}
+
 /// Collects all sources below a folder, without tests.
 pub(crate) fn sources(root: &Path, folder: &str, all: &mut Vec<(String, String)>) {
     for entry in std::fs::read_dir(root.join(folder)).unwrap() {
@@ -349,6 +361,33 @@ fn packages_depend_on_those_of_the_table_alone() {
             "src/{name} is not in the table of packages"
         );
     }
+}
+
+/// Packages without code in their doc comments start no doc tests, which each read the whole package.
+#[test]
+fn packages_run_doc_tests_where_they_have_some() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folders = PACKAGES.iter().map(|(package, _)| format!("src/{package}"));
+    for folder in folders.chain(["decomposition", "io"].map(str::to_owned)) {
+        let path = root.join(&folder).join("Cargo.toml");
+        let manifest = std::fs::read_to_string(path).unwrap();
+        let mut all = Vec::new();
+        sources(root, &folder, &mut all);
+        let found = all.iter().find(|(_, text)| has_doc_tests(text));
+        assert_eq!(
+            found.is_some(),
+            !manifest.contains("doctest = false"),
+            "{folder}: {:?}",
+            found.map(|(path, _)| path)
+        );
+    }
+    assert!(has_doc_tests(
+        "/// A sum.\n///\n/// ```\n/// f();\n/// ```\n"
+    ));
+    assert!(has_doc_tests(
+        "//! ```text\n//! ```\n//! ```no_run\n//! ```\n"
+    ));
+    assert!(!has_doc_tests("/// ```text\n/// x\n/// ```\n// ```\n"));
 }
 
 #[test]
