@@ -295,7 +295,9 @@ impl<const FORCED: bool> Collision for Cumulant<FORCED> {
         // Moments κ_abb, κ_acc and κ_abbcc of the axis a, from the force along it.
         let mut odd = [[zero; 3]; 3];
         if FORCED {
-            let [s_x, s_y, s_z] = [a, b, c].map(|s| (s + third) * inverse);
+            let s_x = (a + third) * inverse;
+            let s_y = (b + third) * inverse;
+            let s_z = (c + third) * inverse;
             unroll!(axes a < 3 => {
                 first[a] = n::<N>(0.5 * self.force[a]);
             });

@@ -110,7 +110,9 @@ impl<N: Lanes> Moments<N> {
     /// Returns the velocity m/ρ.
     #[inline(always)]
     pub(crate) fn velocity(&self) -> [N; 3] {
-        self.m.map(|m| m * self.volume)
+        // Without a call of `map`, which a build with few optimisations leaves outside the vector code.
+        let [x, y, z] = self.m;
+        [x * self.volume, y * self.volume, z * self.volume]
     }
 }
 

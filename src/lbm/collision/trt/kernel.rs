@@ -79,7 +79,8 @@ impl<const FORCED: bool> Collision for Trt<FORCED> {
         half: &Halves<N>,
     ) -> [N; 3] {
         let half_force = if FORCED {
-            self.force.map(|f| 0.5 * f)
+            let [x, y, z] = self.force;
+            [0.5 * x, 0.5 * y, 0.5 * z]
         } else {
             [0.0; 3]
         };
