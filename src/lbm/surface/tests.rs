@@ -142,18 +142,18 @@ impl Tank {
             .map(|at| fluid.populations().interior_cell(*at))
             .collect();
         fluid.surface_mut().unwrap().make_solid(solids.into_iter());
-        let height = self.cells[1];
+        let [width, height, breadth] = self.cells;
+        let index = |[x, y, z]: [usize; 3]| (z * width + x) * height + y;
+        // Each level once: the water above a cell is asked for all cells.
+        let cells = (0..width * breadth).flat_map(|n| (0..height).map(move |y| (n, y)));
+        let levels: Vec<f64> = cells
+            .map(|(n, y)| level([n % width, y, n / width]))
+            .collect();
         fluid.initialise(&|p: [f64; 3]| {
-            let at = p.map(|x| base::number::whole(x.floor()));
-            let above: f64 = (at[1]..height)
-                .map(|y| {
-                    level([
-                        at[0].min(self.cells[0] - 1),
-                        y,
-                        at[2].min(self.cells[2] - 1),
-                    ])
-                })
-                .sum();
+            let [x, y, z] = p.map(|x| base::number::whole(x.floor()));
+            let at = [x.min(width - 1), y.min(height), z.min(breadth - 1)];
+            let rest = index(at)..index([at[0], height, at[2]]);
+            let above: f64 = levels[rest].iter().sum();
             let depth = (above - 0.5).max(0.0);
             (3.0 * self.gravity * depth, [0.0; 3])
         });

@@ -105,6 +105,7 @@ impl Wave {
         let k = TAU / length as f64;
         let height = move |x: usize| level + amplitude * (k * (x as f64 + 0.5)).cos();
         let mut fluid = tank.fill(move |[x, y, _]| (height(x) - y as f64).clamp(0.0, 1.0));
+        let cosines: Vec<f64> = (0..length).map(|x| (k * (x as f64 + 0.5)).cos()).collect();
         let coefficient = |fluid: &Fluid<f64>| {
             let surface = fluid.surface().unwrap();
             let parts = fluid.populations().interior().map(|(at, cell)| {
@@ -114,7 +115,7 @@ impl Wave {
                 } else {
                     0.0
                 };
-                (surface.fill(cell) + due) * (k * (at[0] as f64 + 0.5)).cos()
+                (surface.fill(cell) + due) * cosines[at[0]]
             });
             parts.sum::<f64>() * 2.0 / length as f64
         };
