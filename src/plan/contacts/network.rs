@@ -7,7 +7,7 @@ use crate::scene::grains::GrainSource;
 use crate::scene::grid::Grid;
 use crate::scene::pairs::{self, Ball};
 use base::number::to_u32;
-use base::vector::{cross, dot, norm};
+use base::vector::{cross, dot, minus, norm, plus, times};
 use dem::contact::{ContactModel, Depth, Springs, StaticContact};
 use std::ops::ControlFlow;
 
@@ -256,7 +256,8 @@ impl Network {
     fn highest(&self, dt: f64) -> Vec<Motion> {
         let weights = |c: &Springs| {
             if dt > 0.0 {
-                [0, 1].map(|i| dt * dt * c.stiffness[i] + 2.0 * dt * c.dashpots[i])
+                let ([k, l], [c, d]) = (c.stiffness, c.dashpots);
+                [dt * dt * k + 2.0 * dt * c, dt * dt * l + 2.0 * dt * d]
             } else {
                 c.stiffness
             }
@@ -359,15 +360,14 @@ impl Spring {
         let second = self
             .second
             .map_or(Motion::default(), |k| unscaled(&nodes[k], &vector[k]));
-        let turn: [f64; 3] =
-            std::array::from_fn(|a| self.arms[0] * first[1][a] + self.arms[1] * second[1][a]);
+        let turn = plus(
+            times(first[1], self.arms[0]),
+            times(second[1], self.arms[1]),
+        );
         let turned = cross(turn, self.normal);
-        let apart: [f64; 3] = std::array::from_fn(|a| second[0][a] - first[0][a] - turned[a]);
+        let apart = minus(minus(second[0], first[0]), turned);
         let along = dot(apart, self.normal);
-        (
-            along,
-            std::array::from_fn(|a| apart[a] - along * self.normal[a]),
-        )
+        (along, minus(apart, times(self.normal, along)))
     }
 
     /// Returns twice the energy of these springs for a motion.
@@ -386,8 +386,7 @@ impl Spring {
         image: &mut [Motion],
     ) {
         let (along, across) = self.stretch(nodes, vector);
-        let force: [f64; 3] =
-            std::array::from_fn(|a| normal * along * self.normal[a] + shear * across[a]);
+        let force = plus(times(self.normal, normal * along), times(across, shear));
         let moment = cross(self.normal, force);
         for (end, sign, arm) in [
             (Some(self.first), -1.0, self.arms[0]),
@@ -404,7 +403,10 @@ impl Spring {
 }
 
 fn unscaled(node: &Node, motion: &Motion) -> Motion {
-    [0, 1].map(|part| motion[part].map(|v| node.roots[part] * v))
+    [
+        times(motion[0], node.roots[0]),
+        times(motion[1], node.roots[1]),
+    ]
 }
 
 /// Returns start values without a pattern: fractional parts of multiples of the golden ratio.
