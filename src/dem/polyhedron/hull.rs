@@ -22,8 +22,12 @@ pub(super) fn half_spaces(
     for i in 0..n {
         for j in i + 1..n {
             let edge = points[j] - points[i];
+            // Indices of the faces that contain both ends of the edge.
+            let mut beside: Vec<usize> = (0..known.len())
+                .filter(|&face| known[face].1[i] && known[face].1[j])
+                .collect();
             for k in j + 1..n {
-                if known.iter().any(|(_, on)| on[i] && on[j] && on[k]) {
+                if beside.iter().any(|&face| known[face].1[k]) {
                     continue;
                 }
                 let other = points[k] - points[i];
@@ -44,6 +48,9 @@ pub(super) fn half_spaces(
                         .map(|p| face.height(p) >= -2.0 * tolerance)
                         .collect();
                     if !known.iter().any(|(_, old)| subset(&on, old)) {
+                        if on[i] && on[j] {
+                            beside.push(known.len());
+                        }
                         known.push((face, on));
                     }
                 }

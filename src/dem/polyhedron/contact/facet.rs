@@ -59,7 +59,8 @@ impl Narrow {
             }
         }
         for k in 1..self.polygon.len().saturating_sub(1) {
-            let triangle = [0, k, k + 1].map(|k| self.polygon[k]);
+            let polygon = &self.polygon;
+            let triangle = [polygon[0], polygon[k], polygon[k + 1]];
             let area = add(&mut sum.part, &triangle).dot(&normal);
             sum.area += area;
             let flat = triangle.map(|corner| corner - normal * offset);
@@ -91,7 +92,8 @@ impl Narrow {
                 }
             }
             for k in 1..self.polygon.len().saturating_sub(1) {
-                add(&mut sum.part, &[0, k, k + 1].map(|k| self.polygon[k]));
+                let polygon = &self.polygon;
+                add(&mut sum.part, &[polygon[0], polygon[k], polygon[k + 1]]);
             }
         }
     }

@@ -82,11 +82,12 @@ impl Narrow {
                 }
             }
             for k in 1..self.polygon.len().saturating_sub(1) {
-                let triangle = [0, k, k + 1].map(|k| self.polygon[k] - near);
+                let triangle = fan(&self.polygon, k, near);
                 let part = add(&mut sum, &triangle);
                 sum.area += part;
                 sum.surfaces[0] += part.norm();
-                self.triangles.push(triangle.map(|corner| corner + near));
+                let [a, b, c] = triangle;
+                self.triangles.push([a + near, b + near, c + near]);
             }
             if presses {
                 let normal = first.half_spaces()[face].normal;
@@ -147,7 +148,7 @@ impl Narrow {
             }
         }
         for k in 1..self.polygon.len().saturating_sub(1) {
-            let triangle = [0, k, k + 1].map(|k| self.polygon[k] - near);
+            let triangle = fan(&self.polygon, k, near);
             sum.surfaces[1] += add(sum, &triangle).norm();
         }
     }
@@ -237,11 +238,13 @@ impl Narrow {
         normal: &Vector3<f64>,
     ) -> Matrix3<f64> {
         let mut sum = Matrix3::zeros();
+        let flatten = |corner: &Vector3<f64>| {
+            let arm = corner - point;
+            arm - normal * normal.dot(&arm)
+        };
         for triangle in &self.triangles {
-            let flat = triangle.map(|corner| {
-                let arm = corner - point;
-                arm - normal * normal.dot(&arm)
-            });
+            let [a, b, c] = triangle;
+            let flat = [flatten(a), flatten(b), flatten(c)];
             let twice = (flat[1] - flat[0]).cross(&(flat[2] - flat[0])).dot(normal);
             sum += spread(&flat) * (twice / 24.0);
         }
@@ -263,7 +266,7 @@ impl Narrow {
         }
         let (mut area, mut second) = (0.0, Matrix3::zeros());
         for k in 1..self.polygon.len().saturating_sub(1) {
-            let triangle = [0, k, k + 1].map(|k| self.polygon[k] - point);
+            let triangle = fan(&self.polygon, k, point);
             let twice = (triangle[1] - triangle[0])
                 .cross(&(triangle[2] - triangle[0]))
                 .dot(normal);
@@ -289,6 +292,16 @@ pub(super) fn cutters(
         }
     }
     found.sort_unstable_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
+}
+
+/// Returns the triangle of the first corner of a polygon and corners k and k + 1, relative to a point.
+#[inline]
+fn fan(polygon: &[Vector3<f64>], k: usize, point: &Vector3<f64>) -> [Vector3<f64>; 3] {
+    [
+        polygon[0] - point,
+        polygon[k] - point,
+        polygon[k + 1] - point,
+    ]
 }
 
 /// Adds the tetrahedron of a triangle and the origin; returns the vector area of the triangle.

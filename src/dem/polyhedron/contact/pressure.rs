@@ -113,8 +113,9 @@ impl Narrow {
                 }
             }
             for corner in 1..self.polygon.len().saturating_sub(1) {
-                let [a, b, c] = [0, corner, corner + 1].map(|k| self.polygon[k]);
-                let depths = [a, b, c].map(|p| -face.height(&p));
+                let polygon = &self.polygon;
+                let (a, b, c) = (polygon[0], polygon[corner], polygon[corner + 1]);
+                let depths = [-face.height(&a), -face.height(&b), -face.height(&c)];
                 let half = 0.25 * (b - a).cross(&(c - a)).dot(normal).abs();
                 let total = depths[0] + depths[1] + depths[2];
                 sum.force += normal * (half * total / 3.0);
