@@ -160,8 +160,14 @@ impl Merging {
     /// Returns the merged cell that contains a cell.
     pub(super) fn coarse(&self, cell: [usize; 3]) -> [usize; 3] {
         match &self.graded {
-            None => std::array::from_fn(|a| cell[a] / self.joined[a]),
-            Some(axes) => std::array::from_fn(|a| axes[a].of[cell[a]]),
+            None => {
+                let [x, y, z] = self.joined;
+                [cell[0] / x, cell[1] / y, cell[2] / z]
+            }
+            Some(axes) => {
+                let [x, y, z] = &**axes;
+                [x.of[cell[0]], y.of[cell[1]], z.of[cell[2]]]
+            }
         }
     }
 
