@@ -101,13 +101,23 @@ impl JetApparatus {
 
     /// Returns k_d times the time that scour takes from the nozzle to a distance below that of equilibrium [m/Pa].
     fn progress(&self, critical: f64, distance: f64) -> f64 {
+        self.progress_law(critical)(distance)
+    }
+
+    /// Returns [`Self::progress`] as a function of the distance.
+    fn progress_law(&self, critical: f64) -> impl Fn(f64) -> f64 {
         let (stress, core) = (self.stress_in_core(), self.core_length());
-        if distance <= core {
-            return distance / (stress - critical);
-        }
         let equilibrium = self.equilibrium(critical);
-        let beyond = |x: f64| x.powi(3) / (stress * core * core) * cubic_excess(x / equilibrium);
-        core / (stress - critical) + beyond(distance) - beyond(core)
+        let beyond =
+            move |x: f64| x.powi(3) / (stress * core * core) * cubic_excess(x / equilibrium);
+        let at_core = beyond(core);
+        move |distance: f64| {
+            if distance <= core {
+                distance / (stress - critical)
+            } else {
+                core / (stress - critical) + beyond(distance) - at_core
+            }
+        }
     }
 
     /// Returns the time between two distances \[s\] under a law; infinite beyond equilibrium.
@@ -129,12 +139,13 @@ impl JetApparatus {
         if rate(from) <= 0.0 || time <= 0.0 {
             return from;
         }
-        let wanted = self.progress(critical, from) + law.coefficient * time;
+        let progress = self.progress_law(critical);
+        let wanted = progress(from) + law.coefficient * time;
         let end = self.equilibrium(critical);
         // The progress is convex: a step of Newton's method ends above the root, where it stays below equilibrium.
         let mut x = from;
         for _ in 0..200 {
-            let step = (wanted - self.progress(critical, x)) * rate(x);
+            let step = (wanted - progress(x)) * rate(x);
             let next = x + step;
             let next = if next < end { next } else { 0.5 * (x + end) };
             if (next - x).abs() <= 1e-15 * x || next >= end {
