@@ -313,7 +313,7 @@ impl Scene {
         }
         match like {
             Some(like) => {
-                auto::keep_choices(&mut scene, written, like);
+                auto::keep_choices(&mut scene, (case, written), like, &mut findings);
                 scene.forget_sample();
             }
             None => auto::choose_remaining(&mut scene, case, written, &mut findings),

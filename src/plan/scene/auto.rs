@@ -208,7 +208,12 @@ pub(crate) fn with_choices<'a>(
 }
 
 /// Copies the resolved choices of the scene being continued; end time, outputs and drives do not change them.
-pub(crate) fn keep_choices(scene: &mut Scene, written: &Case, like: &Scene) {
+pub(crate) fn keep_choices(
+    scene: &mut Scene,
+    (case, written): (&Case, &Case),
+    like: &Scene,
+    findings: &mut Findings,
+) {
     if let (Some(flow), Some(chosen)) = (&mut scene.flow, &like.flow) {
         flow.time_step = chosen.time_step;
         flow.relaxation_time = chosen.relaxation_time;
@@ -224,6 +229,7 @@ pub(crate) fn keep_choices(scene: &mut Scene, written: &Case, like: &Scene) {
     }
     scene.chosen = like.chosen.clone();
     scene.density_causes.clone_from(&like.density_causes);
+    solids::keep_stiffness(scene, case, findings);
 }
 
 /// Chooses the extent over which pressures are imposed where the case does not state it and the scene decides: as

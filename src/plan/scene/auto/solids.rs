@@ -190,6 +190,11 @@ pub(crate) fn choose_contact(
             "write for example \"contact\": {\"linear\": {..}} with the measured friction angle",
         );
     }
+    set_law(scene, case, law, findings);
+}
+
+/// Sets the contact law of a scene.
+fn set_law(scene: &mut Scene, case: &Case, law: Contact, findings: &mut Findings) {
     scene.chosen.law = Some(law.clone());
     let with_law = Case {
         contact: Some(law),
@@ -201,6 +206,19 @@ pub(crate) fn choose_contact(
         in_saturated_cells(case),
         findings,
     );
+}
+
+/// Gives the linear law of a case that states no stiffness the one chosen before, when the scene continues another.
+pub(crate) fn keep_stiffness(scene: &mut Scene, case: &Case, findings: &mut Findings) {
+    if let Some(Contact::Linear(law)) = case.contact.as_ref().filter(|_| without_stiffness(case))
+        && let Some(Contact::Linear(chosen)) = &scene.chosen.law
+    {
+        let law = linear::LinearInput {
+            normal_stiffness: chosen.normal_stiffness,
+            ..law.clone()
+        };
+        set_law(scene, case, Contact::Linear(law), findings);
+    }
 }
 
 /// Returns the law of discs and spheres, and the reason.
@@ -325,6 +343,7 @@ fn moving(scene: &Scene) -> Vec<MovingSolid> {
 mod tests {
     use crate::Plan;
     use case::Document;
+    use case::contact::Contact;
     use serde_json::{Value, json};
     use std::path::Path;
 
@@ -368,5 +387,35 @@ mod tests {
             warned(&json!({"partially_saturated": {}})),
             Vec::<String>::new()
         );
+    }
+
+    /// Checks that a run which is continued to a later end keeps the stiffness that was chosen for a law without one, also
+    /// with another friction angle.
+    #[test]
+    fn a_continued_run_keeps_the_chosen_stiffness() {
+        let case = |end: f64, friction: f64| {
+            let case = json!({
+                "domain": {"size": [4, 5], "spacing": 0.25},
+                "gravity": [0, -9.81],
+                "materials": {"w": {}, "g": {"density": 2500}},
+                "bodies": [{"name": "b0", "shape": {"disc": {"radius": 0.5}}, "position": [2, 4],
+                    "motion": {"free": {}}, "material": "g"}],
+                "contact": {"linear": {"friction_angle_degrees": friction}},
+                "box_walls": ["y_min"], "box_wall_material": "w",
+                "time": {"end": end}
+            });
+            Document::read(&case.to_string(), &[], Path::new(".")).unwrap()
+        };
+        let first = Plan::prepare(case(0.1, 20.0)).unwrap();
+        for friction in [20.0, 25.0] {
+            let next = Plan::prepare_like(case(0.3, friction), &first).unwrap();
+            assert!(next.warnings.is_empty(), "{:?}", next.warnings);
+            let stiffness = |plan: &Plan| match &plan.scene.chosen.law {
+                Some(Contact::Linear(law)) => law.normal_stiffness,
+                _ => None,
+            };
+            assert!(stiffness(&first).is_some());
+            assert_eq!(stiffness(&next), stiffness(&first));
+        }
     }
 }
