@@ -479,8 +479,8 @@ mod tests {
         }
     }
 
-    /// Checks three discs that leave 13 % of a channel open, beyond whose gaps the water has a cell Reynolds number of 23:
-    /// driven across the stream they ended a run at step 300, fixed they did not.
+    /// Checks three discs that leave 13 % of a channel open, beyond whose gaps the water has a cell Reynolds number
+    /// of 23: driven across the stream they ended a run at step 300, fixed they did not.
     #[test]
     fn jets_next_to_moving_bodies_are_warned_of() {
         for (motion, warned) in [

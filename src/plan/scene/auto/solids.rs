@@ -389,8 +389,8 @@ mod tests {
         );
     }
 
-    /// Checks that a run which is continued to a later end keeps the stiffness that was chosen for a law without one, also
-    /// with another friction angle.
+    /// Checks that a run which is continued to a later end keeps the stiffness that was chosen for a law without
+    /// one, also with another friction angle.
     #[test]
     fn a_continued_run_keeps_the_chosen_stiffness() {
         let case = |end: f64, friction: f64| {
