@@ -1,7 +1,7 @@
 //! Vectors of three components, as arrays.
 //!
-//! The components are written one by one: a build with the checks of a debug build calls `map` and `from_fn` of an array
-//! as functions, which takes longer than the sums.
+//! The components are written one by one: with the checks of a debug build `map` and `from_fn` of an array are called
+//! as functions, which take longer than the sums.
 
 /// Returns a + b.
 #[inline]

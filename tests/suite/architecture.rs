@@ -309,7 +309,8 @@ fn dependencies(manifest: &str) -> Vec<&str> {
     names
 }
 
-/// Returns whether the doc comments of a source contain code that a doc test runs: a block without the mark of another language.
+/// Returns `true` if the doc comments of a source contain code that a doc test runs: a block without the mark of
+/// another language.
 fn has_doc_tests(text: &str) -> bool {
     let docs = text.lines().filter_map(|line| {
         let line = line.trim_start();
