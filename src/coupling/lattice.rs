@@ -69,6 +69,7 @@ pub(super) fn advance_fluid<Sp: Space, S: Stored>(
     if let Some(structures) = structures {
         fluid.fetch()?;
         structures.bounce(fluid.populations_mut());
+        structures.load_feet(fluid);
     }
     fluid.move_surface();
     Ok(particles.is_empty() && domain.communicator().size() == 1)

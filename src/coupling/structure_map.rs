@@ -723,7 +723,7 @@ impl StructureMap {
         &self.sheets
     }
 
-    /// Reflects populations on all links and sums the loads of this step.
+    /// Reflects populations on all links and sums the loads of this step, without those at feet.
     pub fn bounce<S: Stored>(&mut self, populations: &mut Populations<S>) {
         self.group_loads.fill([0; 6]);
         if self.dimension == 2 {
@@ -747,7 +747,6 @@ impl StructureMap {
             }
         }
         self.group_loads = loads;
-        self.load_feet(populations);
         self.bounce_at_planes(populations);
     }
 

@@ -293,6 +293,53 @@ fn structures_that_meet_bear_the_pressure_on_their_own_faces() {
     }
 }
 
+/// Checks that structures on a face bear the same loads on any cuts while water reaches them: air at their feet
+/// exerts none.
+#[test]
+fn structures_that_water_reaches_bear_the_same_loads_on_any_cuts() {
+    let _beside = beside_others();
+    let names = ["bed", "step"];
+    let probes =
+        names.map(|name| json!({"name": name, "every": 0.02, "at": {"structure": {"name": name}}}));
+    let case = json!({
+        "domain": {"size": [0.4, 0.2], "spacing": 0.01},
+        "gravity": [0, -9.81],
+        "fluid": {"lattice_boltzmann": {
+            "density": 1000, "kinematic_viscosity": 5e-4, "time_step": 3e-4, "collision": {"bgk": {}},
+            "turbulence": {"smagorinsky": {}},
+            "surface": {"water": [{"shape": {"box": {"from": [0, 0], "to": [0.12, 0.12]}}}]}
+        }},
+        "structures": [
+            {"name": "bed", "shape": {"box": {"from": [0.15, -1], "to": [1, 0.02]}}},
+            {"name": "step", "shape": {"box": {"from": [0.25, -1], "to": [0.28, 0.05]}}}],
+        "time": {"end": 0.3},
+        "probes": probes
+    });
+    let study = Study::new(&case.to_string());
+    let tables = |run: &str| {
+        names.map(|name| {
+            let path = study.path(run).join(format!("probe_{name}.csv"));
+            std::fs::read_to_string(path).unwrap()
+        })
+    };
+    let runs = [("one", 1, "x"), ("along x", 3, "x"), ("along y", 2, "y")];
+    let [one, others @ ..] = runs.map(|(run, ranks, axis)| {
+        study.run(run, ranks, 1, &[&format!("domain.split={axis}")]);
+        tables(run)
+    });
+    for other in others {
+        assert_eq!(rows_of(&one), rows_of(&other));
+    }
+}
+
+/// Returns the rows of tables without their headings.
+fn rows_of(tables: &[String; 2]) -> [Vec<&str>; 2] {
+    [0, 1].map(|n| {
+        let lines = tables[n].lines();
+        lines.filter(|line| !line.starts_with('#')).collect()
+    })
+}
+
 /// Returns a box of water with a fixed block on its floor, between the lines of cells or not, and probes of all.
 fn water_around_a_block(floor: &str, water: &Value, base: [f64; 2], scheme: &str) -> Value {
     let names = ["x_min", "x_max", "y_min", "y_max", "z_min", "z_max"];

@@ -7,6 +7,7 @@
 //! missing.
 
 use super::{StructureMap, WATER};
+use lbm::fluid::Fluid;
 use lbm::lanes::Stored;
 use lbm::populations::{Link, Populations};
 use lbm::quanta::quanta;
@@ -123,11 +124,14 @@ impl StructureMap {
             .map(|foot| (foot.key, foot.into.map(|c| c != 0)))
     }
 
-    /// Adds the loads at the feet in this step, after the faces have returned their populations.
-    pub(super) fn load_feet<S: Stored>(&mut self, populations: &Populations<S>) {
+    /// Adds the loads at the feet in this step to those of [`StructureMap::bounce`], after the faces have returned
+    /// their populations. Air next to a free surface exerts none, whatever numbers a pass leaves in its cells.
+    pub fn load_feet<S: Stored>(&mut self, fluid: &Fluid<S>) {
+        let populations = fluid.populations();
         let (parity, numbers) = (populations.parity(), populations.numbers());
         let feet = std::mem::take(&mut self.feet);
-        for foot in feet.iter().filter(|foot| foot.wet) {
+        let wet = |foot: &&Foot| foot.wet && fluid.holds_water(foot.key.0 as usize);
+        for foot in feet.iter().filter(wet) {
             let [left, returned] = [foot.link.out(parity), foot.link.incoming(parity)];
             let both = quanta(numbers[left].to_f64()) + quanta(numbers[returned].to_f64());
             let force = foot.into.map(|c| i64::from(c) * both);
