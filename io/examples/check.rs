@@ -18,7 +18,7 @@ use io::{
 use mpi::collective::SystemOperation;
 use mpi::datatype::PartitionMut;
 use mpi::topology::SimpleCommunicator;
-use mpi::traits::*;
+use mpi::traits::{AsRaw, Communicator, CommunicatorCollectives};
 
 /// All ranks of the job.
 struct Ranks {

@@ -8,7 +8,14 @@
 //! F = F(x + v dt/2, v),     x(t+dt) = x + v dt + F dt²/(2 m),     v(t+dt) = v + F dt/m
 //! ```
 
-use super::*;
+use super::bodies::Bodies;
+use super::{Engine, all_bounded, largest};
+use crate::census::agree;
+use crate::integrate;
+use crate::particles::Particles;
+use crate::space::{Components, Space};
+use base::error::Error;
+use decomposition::Domain;
 
 impl<S: Space, L: Bodies<S>> Engine<S, L> {
     /// Sets the contact loads of the step that follows; the bodies do not move. Collective.

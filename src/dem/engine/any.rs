@@ -1,11 +1,17 @@
 //! Engine of a law that is selected when a run starts: dispatched once per step, outside of all loops.
 
-use super::super::Contact;
-use super::super::contact::family::Visitor;
-use super::super::servo::Servo;
-use super::super::state::{self, Contacts};
+use super::Engine;
 use super::bodies::Bodies;
-use super::*;
+use crate::contact::family::Visitor;
+use crate::deepest::Deepest;
+use crate::particles::Particles;
+use crate::servo::Servo;
+use crate::space::Space;
+use crate::state::{self, Contacts};
+use crate::walls::Wall;
+use crate::{BondBreak, Contact, DemSettings, Statistics};
+use base::error::Error;
+use decomposition::Domain;
 
 /// Engine of any contact law.
 pub(crate) trait AnyEngine<S: Space>: std::fmt::Debug + Send + Sync {

@@ -9,21 +9,23 @@
 mod act;
 mod pose;
 
-use nalgebra::Vector3;
-use rayon::prelude::*;
-
-use super::super::blocks::{in_space, out_of_space};
-use super::super::contact::blocks::{BlockConstants, BlockLaw, BlockScale};
-use super::super::polyhedron::force::Approach;
-use super::super::polyhedron::{
-    self, BlockContactModel, BlockHistory, Geometry, Hidden, Narrow, Polyhedron,
-};
-use super::super::surface::Faces;
-use super::super::{Contact, ParticlesView, integrate};
 use super::bodies::Bodies;
-use super::*;
+use super::facets::{AtFacets, Held};
+use super::lists::{Pair, WallPair};
+use super::pairs::{act_at_plane, dry};
+use super::{Action, Engine};
+use crate::contact::blocks::{BlockConstants, BlockLaw, BlockScale};
+use crate::integrate::{self, Fastest, Kick, Phase};
+use crate::particles::{Load, Particles};
+use crate::polyhedron::{BlockHistory, Geometry, Narrow};
+use crate::space::Space;
+use crate::surface::Faces;
+use crate::walls::Wall;
+use crate::{Contact, DemSettings, ghosts};
 use act::StepInput;
+use base::error::Error;
 use pose::{Pose, boxes_meet};
+use rayon::prelude::*;
 
 type BlockPair = Pair<BlockScale, BlockHistory>;
 type BlockAtPlane = WallPair<BlockConstants, BlockHistory>;

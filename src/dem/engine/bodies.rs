@@ -2,10 +2,17 @@
 //! bodies defines here how they move, which pairs of nearby spheres may touch, and how forces are computed. The
 //! defaults are those of spheres.
 
-use super::super::Contact;
-use super::super::particles::SPHERE;
-use super::super::polyhedron::Narrow;
-use super::*;
+use super::Engine;
+use super::facets::AtFacets;
+use super::lists::{Pair, WallPair};
+use crate::contact::ContactLaw;
+use crate::integrate::{self, Fastest, Kick, Phase};
+use crate::particles::{Particles, SPHERE};
+use crate::polyhedron::Narrow;
+use crate::space::Space;
+use crate::walls::Wall;
+use crate::{Contact, DemSettings};
+use base::error::Error;
 
 /// Contact law together with the treatment of its bodies: see the module.
 pub(crate) trait Bodies<S: Space>: ContactLaw<S> + 'static {

@@ -1,6 +1,11 @@
 //! Creation, failure and removal of bonds.
 
-use super::*;
+use super::Engine;
+use super::bodies::Bodies;
+use super::pairs::separation;
+use crate::BondBreak;
+use crate::particles::Particles;
+use crate::space::{Components, Space};
 
 impl<S: Space, L: Bodies<S>> Engine<S, L> {
     /// Records each failed bond as an event on one rank: the owner of the lower id, or of the grain at a wall.

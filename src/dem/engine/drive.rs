@@ -1,7 +1,11 @@
 //! The motion of servo walls in a step: sums over their contacts, then the velocity of [`crate::servo`].
 
-use super::*;
+use super::Engine;
+use super::bodies::Bodies;
+use crate::particles::Particles;
 use crate::servo::{WallSums, from_quanta, quanta};
+use crate::space::{Components, Space};
+use decomposition::Domain;
 
 impl<S: Space, L: Bodies<S>> Engine<S, L> {
     /// Sets the velocities of the servo walls for the next solid step, from the positions and lists at the end of the

@@ -4,8 +4,21 @@
 //! each step, and each takes over the history of the same facet, or of a neighbouring facet without a contact of
 //! its own: shear is preserved across an interior edge.
 
+use super::bodies::Bodies;
 use super::flush::{Planes, drop_doubled_by_planes, is_by_plane};
-use super::*;
+use super::histories::WallKey;
+use super::pairs::{Grains, WallTouch, act_at_wall, at_wall};
+use super::{Engine, WallFailure};
+use crate::contact::ContactLaw;
+use crate::deepest::{Partner, Record};
+use crate::ghosts;
+use crate::neighbors::Search;
+use crate::particles::{Load, Motion, Particles};
+use crate::region::GrainDomain;
+use crate::space::{Components, Space};
+use crate::surface::{FacetSurface, Nearest};
+use crate::walls::Wall;
+use base::thread_pool;
 
 /// Owned grain near a wall with facets.
 #[derive(Clone, Copy, Debug)]

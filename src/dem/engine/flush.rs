@@ -5,9 +5,12 @@
 //! plane the first acts. A contact of a sphere with a facet in the direction of an equally near plane does not
 //! count, nor does one with an edge or a vertex on the plane, as at the foot of a ramp.
 
+use super::Engine;
+use super::bodies::Bodies;
+use crate::space::{Components, Space};
+use crate::surface::{FacetSurface, Nearest};
+use crate::walls::Wall;
 use nalgebra::Vector3;
-
-use super::*;
 
 /// Maximum distance of a point from a plane, in sizes of a facet or a grain, at which it lies in the plane.
 const IN_PLANE: f64 = 1e-6;

@@ -3,8 +3,16 @@
 //!
 //! A history is keyed by the ids of both partners, so that it applies to any lists on any rank.
 
-use super::*;
+use super::Engine;
+use super::bodies::Bodies;
+use super::facets::Facets;
+use super::pairs::key;
+use crate::contact::ContactLaw;
+use crate::message::{Reader, Writer};
 use crate::neighbors::threads_for;
+use crate::space::Space;
+use base::error::Error;
+use base::thread_pool;
 use std::ops::Range;
 
 /// Key of a contact at a wall.

@@ -5,8 +5,17 @@
 //! distance between two such checks adapts to the motion. In a nearly stationary bed the active pairs are the
 //! contacts.
 
-use super::*;
-use crate::neighbors::threads_for;
+use super::Engine;
+use super::bodies::Bodies;
+use super::histories::{self, WallKey};
+use super::pairs::{at_wall, effective_mass, key, rolling_inertia, separation};
+use crate::contact::PairProperties;
+use crate::ghosts;
+use crate::neighbors::{Search, threads_for};
+use crate::particles::Particles;
+use crate::space::{Components, Space};
+use crate::walls::Wall;
+use base::thread_pool;
 use histories::Cursor;
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};

@@ -1,6 +1,13 @@
 //! Single pairs: keys, masses, separations measured in blocks, and the action of the law.
 
-use super::*;
+use super::histories::Key;
+use super::lists::{Pair, WallPair};
+use super::{Action, WallFailure};
+use crate::contact::{ContactKinematics, ContactLaw, Failure, PairProperties, PairTable};
+use crate::deepest::{Partner, Record};
+use crate::particles::{Body, Load, Motion, ParticlesView};
+use crate::space::{Components, Space};
+use crate::walls::Wall;
 
 pub(super) fn key(first: (u64, [i32; 3]), second: (u64, [i32; 3])) -> Key {
     Key {

@@ -14,8 +14,19 @@
 //! Each of several parts moves its grains as soon as it has their loads. It writes to a second array, because other
 //! parts still read the old positions. A solid step therefore has a single synchronisation of the threads.
 
-use super::*;
-use integrate::{Loads, Phase};
+use super::bodies::Bodies;
+use super::facets::Facets;
+use super::lists::{Pair, WallPair};
+use super::pairs::{BLOCK, Grains, Spans, act, act_at_plane};
+use super::{Engine, WallFailure};
+use crate::contact::{ContactLaw, Failure, PairTable};
+use crate::deepest::Record;
+use crate::ghosts;
+use crate::integrate::{self, Fastest, Kick, Loads, Phase};
+use crate::particles::{Load, Motion, Particles};
+use crate::space::Space;
+use crate::walls::Wall;
+use base::thread_pool;
 use std::ops::Range;
 
 /// First indices of a part.

@@ -1,10 +1,15 @@
 //! Contacts and counts for output: every contact with its overlap and force, and the numbers of contacts.
 
-use super::super::Contact;
-use super::super::polyhedron::Narrow;
-use super::facets::is_held;
+use super::Engine;
+use super::bodies::Bodies;
+use super::facets::{AtFacets, history_of, is_held};
 use super::flush::drop_doubled_by_planes;
-use super::*;
+use super::lists::{Pair, WallPair};
+use super::pairs::separation;
+use crate::particles::Particles;
+use crate::polyhedron::Narrow;
+use crate::space::Space;
+use crate::{Contact, Statistics, ghosts};
 
 impl<S: Space, L: Bodies<S>> Engine<S, L> {
     pub(crate) fn time(&self) -> f64 {

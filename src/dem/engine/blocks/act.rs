@@ -1,6 +1,22 @@
 //! Contact of one pair of bodies, of a block with a plane and of a block with a face: narrow phase, then force.
 
-use super::*;
+use super::super::Action;
+use super::pose::{Pose, boxes_meet};
+use super::{BlockAtPlane, BlockPair};
+use crate::blocks::{in_space, out_of_space};
+use crate::contact::PairTable;
+use crate::contact::blocks::{BlockConstants, BlockLaw};
+use crate::deepest::{Partner, Record, inner_radius};
+use crate::engine::pairs::{PairSpan, act, dry, separation};
+use crate::particles::{Load, ParticlesView};
+use crate::polyhedron::force::Approach;
+use crate::polyhedron::{
+    self, BlockContactModel, BlockHistory, Geometry, Hidden, Narrow, Polyhedron,
+};
+use crate::space::Space;
+use crate::surface::Faces;
+use crate::walls::Wall;
+use nalgebra::Vector3;
 
 /// Input data of the pairs in a step.
 #[derive(Clone, Copy)]
