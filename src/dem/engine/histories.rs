@@ -125,17 +125,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
     }
 
     pub(super) fn put_histories_in_order(&mut self) {
-        if self.histories.is_sorted_by_key(|(key, _)| key.first) {
-            // Taken from the lists, only the histories of images are out of order.
-            let of_one = |a: &(Key, _), b: &(Key, _)| a.0.first == b.0.first;
-            for own in self.histories.chunk_by_mut(of_one) {
-                own.sort_unstable_by_key(|(key, _)| *key);
-            }
-        } else {
-            self.histories.sort_unstable_by_key(|(key, _)| *key);
-        }
-        self.histories.dedup_by_key(|(key, _)| *key);
-        self.wall_histories.sort_unstable_by_key(|(key, _)| *key);
+        put_in_order(&mut self.histories);
+        sort(&mut self.wall_histories);
         self.wall_histories.dedup_by_key(|(key, _)| *key);
     }
 
@@ -193,8 +184,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             |key, history| grains.push((key, *history)),
             |key, history| walls.push((key, *history)),
         );
-        grains.sort_unstable_by_key(|(key, _)| *key);
-        walls.sort_unstable_by_key(|(key, _)| *key);
+        sort(&mut grains);
+        sort(&mut walls);
         (grains, walls)
     }
 
@@ -215,6 +206,24 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         self.validity.grain_count = None;
         self.steps = steps;
     }
+}
+
+/// Sorts histories by their keys, and keeps the first of each key.
+fn put_in_order<H: Copy>(histories: &mut Vec<(Key, H)>) {
+    if histories.is_sorted_by_key(|(key, _)| key.first) {
+        // Taken from the lists, only the histories of images are out of order.
+        for own in histories.chunk_by_mut(|a, b| a.0.first == b.0.first) {
+            sort(own);
+        }
+    } else {
+        sort(histories);
+    }
+    histories.dedup_by_key(|(key, _)| *key);
+}
+
+/// Sorts histories by their keys. Compiled once per type of history, not once per law and place.
+fn sort<K: Ord + Copy, H>(histories: &mut [(K, H)]) {
+    histories.sort_unstable_by_key(|(key, _)| *key);
 }
 
 /// Writes the numbers of a history; `numbers` is a reused buffer.

@@ -7,7 +7,7 @@
 use super::bodies::Bodies;
 use super::histories::{pack_history, unpack_history};
 use super::{Engine, Key, WallKey};
-use crate::census::{agree, census};
+use crate::census::{Census, agree, census};
 use crate::columns::Crosses;
 use crate::escape::Escape;
 use crate::ghosts;
@@ -15,6 +15,7 @@ use crate::message::{Reader, Writer};
 use crate::particles::{Motion, Particles, image_position};
 use crate::region::{GrainDomain, plane_of, wraps};
 use crate::space::{Components, Space};
+use crate::walls::Wall;
 use base::error::Error;
 use base::thread_pool;
 use decomposition::{Domain, exchange};
@@ -40,52 +41,19 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         if domain.communicator().size() > 1 {
             self.migrate(particles, &region, domain)?;
         }
-        particles.sort();
-        if let Some(pair) = particles
-            .body
-            .windows(2)
-            .find(|pair| pair[0].id == pair[1].id)
-        {
-            return Err(Error::Internal(format!(
-                "two grains have the id {}",
-                pair[0].id
-            )));
-        }
-        let census = census(particles, domain)?;
+        let census = settle(particles, &mut self.validity.grain_count, domain)?;
+        let sizes = census.iter().map(|one| [one.smallest, one.largest]);
+        let [smallest, largest] = sizes.fold([f64::INFINITY, 0.0], |all, one| {
+            [all[0].min(one[0]), all[1].max(one[1])]
+        });
         let total: u64 = census.iter().map(|one| one.owned).sum();
-        if let Some(before) = self.validity.grain_count {
-            let added: u64 = census.iter().map(|one| one.added).sum();
-            let removed: u64 = census.iter().map(|one| one.removed).sum();
-            if before + added != total + removed {
-                return Err(Error::Internal(format!(
-                    "grains were lost: there were {before}, {added} were added and {removed} removed, but now \
-                     there are {total}"
-                )));
-            }
-        }
-        self.validity.grain_count = Some(total);
-        particles.added = 0;
-        particles.removed = 0;
-        let smallest = census
-            .iter()
-            .map(|one| one.smallest)
-            .fold(f64::INFINITY, f64::min);
-        let largest = census.iter().map(|one| one.largest).fold(0.0, f64::max);
-        let gap = self.settings.skin
-            + if total > 0 {
-                self.law.widest_opening([2.0 * smallest, 2.0 * largest])
-            } else {
-                0.0
-            };
-        let surfaces = self.walls.iter().filter_map(|wall| wall.surface.as_ref());
-        let reach = surfaces.map(|surface| surface.longest_reach());
-        let reach = reach.fold(f64::INFINITY, f64::min);
-        if largest + gap > reach {
-            return Err(Error::Numerical(format!(
-                "a body with a radius of {largest} m and a neighbour gap of {gap} m reaches farther than half a \
-                 period of the domain, {reach} m, so that its contacts with walls of facets are ambiguous"
-            )));
-        }
+        let opening = if total > 0 {
+            self.law.widest_opening([2.0 * smallest, 2.0 * largest])
+        } else {
+            0.0
+        };
+        let gap = self.settings.skin + opening;
+        check_reach(&self.walls, largest, gap)?;
         ghosts::make(
             particles,
             &region,
@@ -197,6 +165,56 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         self.put_histories_in_order();
         Ok(())
     }
+}
+
+/// Sorts the grains that have come to their owners, and checks that none was lost; `before` is their number at the last
+/// call. Returns the census of every rank. Collective.
+fn settle<S: Space>(
+    particles: &mut Particles<S>,
+    before: &mut Option<u64>,
+    domain: &Domain,
+) -> Result<Vec<Census>, Error> {
+    particles.sort();
+    if let Some(pair) = particles
+        .body
+        .windows(2)
+        .find(|pair| pair[0].id == pair[1].id)
+    {
+        return Err(Error::Internal(format!(
+            "two grains have the id {}",
+            pair[0].id
+        )));
+    }
+    let census = census(particles, domain)?;
+    let total: u64 = census.iter().map(|one| one.owned).sum();
+    if let Some(before) = *before {
+        let added: u64 = census.iter().map(|one| one.added).sum();
+        let removed: u64 = census.iter().map(|one| one.removed).sum();
+        if before + added != total + removed {
+            return Err(Error::Internal(format!(
+                "grains were lost: there were {before}, {added} were added and {removed} removed, but now \
+                 there are {total}"
+            )));
+        }
+    }
+    *before = Some(total);
+    particles.added = 0;
+    particles.removed = 0;
+    Ok(census)
+}
+
+/// Checks that a body of radius `largest` with neighbours at a distance of up to `gap` \[m\] meets no facet twice.
+fn check_reach<S: Space>(walls: &[Wall<S>], largest: f64, gap: f64) -> Result<(), Error> {
+    let surfaces = walls.iter().filter_map(|wall| wall.surface.as_ref());
+    let reach = surfaces.map(|surface| surface.longest_reach());
+    let reach = reach.fold(f64::INFINITY, f64::min);
+    if largest + gap > reach {
+        return Err(Error::Numerical(format!(
+            "a body with a radius of {largest} m and a neighbour gap of {gap} m reaches farther than half a \
+             period of the domain, {reach} m, so that its contacts with walls of facets are ambiguous"
+        )));
+    }
+    Ok(())
 }
 
 /// Sets the shift of every owned grain so that its image lies in the box, and checks that no grain is lost.
