@@ -109,7 +109,8 @@ pub enum ProbeAt {
         position: f64,
     },
     /// Force [N] and torque [N m] of the fluid on a body (2-D: per metre of depth). They are means over the last two
-    /// steps; `fluid_force_time` is their time [s].
+    /// steps; `fluid_force_time` is their time [s]. Below a moving free surface single rows scatter as those of `wall`
+    /// do: use means over many rows.
     Body {
         /// Name of the body.
         name: String,
@@ -118,7 +119,8 @@ pub enum ProbeAt {
     /// from the pressure of the lattice, which is the excess over the hydrostatic pressure if gravity does not act on
     /// the fluid. The force is the mean over the last step, and `time` the middle of this step. In seepage the pore
     /// pressure acts on the whole surface of the structure in the ground: uplift, and the thrust on piles and walls.
-    /// Water above the ground is not included.
+    /// Water above the ground is not included. Below a moving free surface single rows scatter as those of `wall` do:
+    /// use means over many rows.
     Structure {
         /// Name of the structure.
         name: String,
