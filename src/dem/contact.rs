@@ -144,6 +144,8 @@ pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
 
     /// `true` if the force has a rolling moment.
     const HAS_ROLLING: bool = false;
+    /// `true` if the law exists in 3-D only. Its engine is then not compiled for discs.
+    const SPATIAL: bool = false;
     /// `true` if the force depends on the moisture of the ground.
     const NEEDS_MOISTURE: bool = false;
     /// Number of values of a history.

@@ -441,6 +441,7 @@ impl<S: Space> ContactLaw<S> for BlockLaw {
     }
 
     const NUMBERS: usize = BlockHistory::NUMBERS;
+    const SPATIAL: bool = true;
 
     fn save(history: &BlockHistory, numbers: &mut Vec<f64>) {
         numbers.extend(history.save());

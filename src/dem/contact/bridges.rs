@@ -389,6 +389,7 @@ impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Bridged<L> {
     type Constants = BridgeConstants<L::Constants>;
     type History = BridgeHistory<L::History>;
     const NUMBERS: usize = L::NUMBERS + 1;
+    const SPATIAL: bool = true;
     const HAS_ROLLING: bool = L::HAS_ROLLING;
     const NEEDS_MOISTURE: bool = true;
 

@@ -450,6 +450,7 @@ impl<S: Space> ContactLaw<S> for HertzMindlin {
     type Constants = HertzMindlinConstants;
     type History = HertzMindlinHistory<S>;
     const NUMBERS: usize = S::Tangent::COUNT + 1;
+    const SPATIAL: bool = true;
 
     fn table(&self) -> PairTable<HertzMindlinRow> {
         self.parameters.map(|p| {

@@ -106,6 +106,7 @@ impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Rolling<L> {
     type History = RollingHistory<L::History, S>;
     const NUMBERS: usize = L::NUMBERS + S::Spin::COUNT;
     const HAS_ROLLING: bool = true;
+    const SPATIAL: bool = L::SPATIAL;
     const NEEDS_MOISTURE: bool = L::NEEDS_MOISTURE;
 
     fn table(&self) -> PairTable<Self::Row> {

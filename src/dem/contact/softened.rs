@@ -93,6 +93,7 @@ impl<S: Space, L: BondStrength<S>> ContactLaw<S> for Softened<L> {
     type History = L::History;
     const NUMBERS: usize = L::NUMBERS;
     const HAS_ROLLING: bool = L::HAS_ROLLING;
+    const SPATIAL: bool = L::SPATIAL;
     const NEEDS_MOISTURE: bool = true;
 
     fn table(&self) -> PairTable<Self::Row> {

@@ -212,6 +212,11 @@ impl<S: Space> Visitor<S> for MakeEngine<S> {
     type Output = Result<Box<dyn AnyEngine<S>>, Error>;
 
     fn visit<L: Bodies<S>>(self, law: &L) -> Self::Output {
-        Ok(Box::new(L::engine(law.clone(), self.settings, self.walls)?))
+        // The condition is known when the law is compiled, so that its engine in two dimensions is not.
+        if const { L::SPATIAL && S::DIMENSION == 2 } {
+            let what = "this contact law does not work in two dimensions";
+            return Err(Error::Numerical(what.into()));
+        }
+        Ok(Box::new(L::engine(law.clone(), self.settings, self.walls)))
     }
 }

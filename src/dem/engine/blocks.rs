@@ -261,15 +261,7 @@ impl<S: Space> Bodies<S> for BlockLaw {
     const PER_THREAD: usize = 16;
     const IN_PARTS: bool = false;
 
-    fn engine(
-        law: Self,
-        settings: DemSettings<S>,
-        walls: Vec<Wall<S>>,
-    ) -> Result<Engine<S, Self>, Error> {
-        if S::DIMENSION != 3 {
-            let what = "a contact law for blocks does not work in two dimensions";
-            return Err(Error::Numerical(what.into()));
-        }
+    fn engine(law: Self, settings: DemSettings<S>, walls: Vec<Wall<S>>) -> Engine<S, Self> {
         let mut engine = Engine::new(law, settings, walls);
         let surfaces = engine.walls.iter().map(|wall| &wall.surface);
         engine.scratch.faces = surfaces
@@ -279,7 +271,7 @@ impl<S: Space> Bodies<S> for BlockLaw {
                     .map_or_else(Default::default, |s| s.faces())
             })
             .collect();
-        Ok(engine)
+        engine
     }
 
     fn check(particles: &mut Particles<S>) -> Result<(), Error> {

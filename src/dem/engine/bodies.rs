@@ -26,15 +26,8 @@ pub(crate) trait Bodies<S: Space>: ContactLaw<S> + 'static {
     const IN_PARTS: bool = true;
 
     /// Returns the engine of the law.
-    ///
-    /// # Errors
-    /// If the law does not exist in this number of dimensions.
-    fn engine(
-        law: Self,
-        settings: DemSettings<S>,
-        walls: Vec<Wall<S>>,
-    ) -> Result<Engine<S, Self>, Error> {
-        Ok(Engine::new(law, settings, walls))
+    fn engine(law: Self, settings: DemSettings<S>, walls: Vec<Wall<S>>) -> Engine<S, Self> {
+        Engine::new(law, settings, walls)
     }
 
     /// Refuses bodies that the law does not support.
