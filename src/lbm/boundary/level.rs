@@ -13,8 +13,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Open water of a given level outside the face: the pressure is hydrostatic below the level and that of the air above
-/// it, and the velocity along the face is zero. The flow determines whether water enters or leaves. The level applies
-/// at the face, so that an entering stream has its velocity head in addition. Waves are reflected.
+/// it. The flow determines whether water enters or leaves; water that enters has no velocity along the face. The level
+/// applies at the face, so that an entering stream has its velocity head in addition. Where more water leaves than
+/// enters, eddies draw water in from rest. Waves are reflected.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
