@@ -8,6 +8,7 @@
 //! All geometry is computed in the frame of a body's raw position, so that all periodic images of a body have the same
 //! bits.
 
+mod feet;
 mod gaps;
 mod joint_cells;
 mod links;
@@ -25,7 +26,7 @@ use dem::space::{Components, Space};
 pub use gaps::{GapVelocity, NarrowGaps};
 use joint_cells::JointCells;
 pub use joint_cells::{CellChange, JointLink};
-use lbm::boundary::{FacePart, SolidPart};
+use lbm::boundary::{FacePart, SolidPart, StraightLinks};
 use lbm::fluid::Fluid;
 use lbm::lanes::Stored;
 use lbm::links::gaps::{BodyLinks, Gaps};
@@ -199,6 +200,10 @@ pub struct BodyMap {
     joint_cells: JointCells,
     /// Parts of the faces of the domain.
     faces: Vec<FacePart>,
+    /// Links along which faces of the domain return populations.
+    straight: StraightLinks,
+    /// Indices of the bodies with links through faces.
+    standing: Vec<usize>,
 }
 
 /// Body that is mapped again.
@@ -261,6 +266,8 @@ impl BodyMap {
             sheets: HashSet::new(),
             joint_cells: JointCells::default(),
             faces: Vec::new(),
+            straight: StraightLinks::default(),
+            standing: Vec::new(),
         }
     }
 
@@ -465,8 +472,12 @@ impl BodyMap {
             self.assign_maps(particles);
         }
         self.recheck_moved_bodies();
-        if !self.again.is_empty() || !self.changes.is_empty() || self.joints_changed() {
+        let again = !self.again.is_empty() || !self.changes.is_empty() || self.joints_changed();
+        if again {
             self.map_again(populations, loads);
+        }
+        if again || reassigned {
+            self.list_standing();
         }
         if reassigned {
             self.find_motions_in_gaps();

@@ -74,7 +74,8 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
         settings: BounceBackSettings,
     ) -> Self {
         let grid = MapGrid::new(&fluid, origin, units.spacing);
-        let map = BodyMap::new(fluid.populations(), grid, settings.rules);
+        let mut map = BodyMap::new(fluid.populations(), grid, settings.rules);
+        map.stand_on(fluid.straight_links());
         log::info!("coupling by moving bounce-back: {settings:?}");
         Self {
             fluid,
@@ -220,6 +221,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
         }
         let structures = self.structures.as_deref_mut();
         self.plane_loads = FaceLoads::default();
+        self.fluid.feet_of_bodies_mut().clear();
         if advance_fluid(&mut self.fluid, structures, particles, domain)? {
             return Ok(());
         }
@@ -237,6 +239,9 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
         } else {
             bounce::<S, 3>(populations, scheme, links, motion, faces, loads);
         }
+        let mut given = std::mem::take(self.fluid.feet_of_bodies_mut());
+        (self.map).load_feet(self.fluid.populations(), &mut self.loads, &mut given);
+        *self.fluid.feet_of_bodies_mut() = given;
         let populations = self.fluid.populations_mut();
         let scheme = self.settings.scheme;
         let at_planes = (self.map).bounce_at_planes(populations, scheme, &mut self.loads);

@@ -562,8 +562,12 @@ impl StructureMap {
         for cut in cuts {
             let c = velocities.c[cut.direction].map(i32::from);
             let start = |a: usize| i32::try_from(self.grid.start[a]).unwrap_or(i32::MAX);
-            // Before the plane the link hits the structure, behind it the image; then its own image hits the structure.
-            let hits = if cut.part < 0.5 {
+            // A link that a sheet cuts before the plane acts on the sheet alone. In the corner between the plane and
+            // a cell of a structure it acts on both.
+            let next = std::array::from_fn(|a| cut.cell[a] + c[a]);
+            let image = self.grid.image(self.dimension, next);
+            let sheet = image.is_none_or(|image| self.owner[self.position(image)] == WATER);
+            let hits = if cut.part < 0.5 && sheet {
                 c
             } else {
                 self.turned(cut.cell, c)

@@ -30,6 +30,7 @@
 //! | `sound` | the plane wave that leaves through an opening |
 //! | `covered` | openings with cells covered by solids |
 //! | `flux` | mass and momentum through each patch |
+//! | `straight` | links along which a face returns a population to its cell |
 
 mod covered;
 mod flux;
@@ -40,6 +41,7 @@ pub mod profile;
 mod rule;
 mod site;
 mod sound;
+mod straight;
 pub mod turbulent;
 pub mod wall;
 
@@ -52,6 +54,7 @@ pub use model::{BoundaryModel, ImposedPressure, ImposedSpeed};
 pub use rule::{Giver, Rule, RuleStep};
 pub use site::{Opening, Place, Sides, Site};
 pub use sound::{Sound, Sums};
+pub use straight::StraightLinks;
 
 use super::block::RowBlock;
 use super::gpu::copies::Copies;

@@ -14,7 +14,7 @@ pub use force::Force;
 pub use on_gpu::kernel_exists as kernel_exists_on_gpu;
 
 use super::block::RowBlock;
-use super::boundary::{Boundaries, FacePart, Frame, Patch, SolidPart};
+use super::boundary::{Boundaries, FacePart, Frame, Patch, SolidPart, StraightLinks};
 use super::collision::Operator;
 use super::collision::trt::AntisymmetricRate;
 use super::error::FluidError;
@@ -28,14 +28,13 @@ use super::populations::{Layout, Populations};
 use super::saturation::pass::View as CoverView;
 use super::saturation::{Cover, SaturationMethod};
 use super::surface::SlabSurface;
-use super::term::{self, ClosedCells, FootAxes, Term};
+use super::term::{self, ClosedCells, FootLoad, StructureFoot, Term};
 use super::turbulence::EddyViscosity;
 use super::turbulence::field::{Field as VelocityField, View};
 use base::thread_pool;
 use decomposition::{Communicator, Domain};
 use dispatch::{Choice, Step};
 use serde::Serialize;
-use std::collections::HashSet;
 use std::ops::Range;
 
 /// Velocity set, collision operator and eddy viscosity of a fluid: the models for which a pass is compiled.
@@ -660,16 +659,21 @@ impl<S: Stored> Fluid<S> {
         self.closed.cut_at_planes(links);
     }
 
-    /// Records the links through faces at the feet of structures: the momentum along these axes is a load on the
-    /// structure.
-    pub fn share_feet(&mut self, links: impl Iterator<Item = ((u32, u8), FootAxes)>) {
+    /// Records the links through faces at the feet of structures: the momentum along the axes that lead into
+    /// structures is a load on these, not on the face.
+    pub fn share_feet(&mut self, links: impl Iterator<Item = ((u32, u8), StructureFoot)>) {
         self.closed.share_feet(links);
     }
 
-    /// Returns the links, by position of the cell and direction, along which a face at rest or an opening returns a
-    /// population to the cell that sent one. With a free surface openings act after structures and are left out.
+    /// Returns the momenta that bodies received in the last step at links through faces, for the coupling to set.
+    pub fn feet_of_bodies_mut(&mut self) -> &mut Vec<FootLoad> {
+        self.closed.at_bodies_mut()
+    }
+
+    /// Returns the links along which a wall or an opening returns a population to the cell that sent one. With a free
+    /// surface openings act after structures and are left out.
     #[must_use]
-    pub fn straight_links(&self) -> HashSet<(u32, u8)> {
+    pub fn straight_links(&self) -> StraightLinks {
         let openings = self.surface.is_none();
         self.boundaries.straight_links(&self.populations, openings)
     }

@@ -22,6 +22,7 @@
 //! Loads are summed as integers of [`super::quanta::QUANTA`], so that the order of links, threads and ranks does not
 //! affect them.
 
+pub mod feet;
 pub mod fixed;
 pub mod gaps;
 pub mod mirrored;

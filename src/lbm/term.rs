@@ -135,7 +135,7 @@ impl<S: Stored> Term<S> for SlabSurface {
     }
 }
 
-/// Cells of structures, at which openings are closed.
+/// Cells of structures, at which openings are closed, and links through faces at the feet of solids.
 #[derive(Clone, Debug, Default)]
 pub struct ClosedCells {
     /// `true` for the cells of structures, by position; empty without structures.
@@ -143,11 +143,71 @@ pub struct ClosedCells {
     /// Links, by position of the cell and direction, that structures cut at planes of symmetry.
     cut: HashSet<(u32, u8)>,
     /// Links through faces at the feet of structures, by position of the cell and direction.
-    feet: HashMap<(u32, u8), FootAxes>,
+    feet: HashMap<(u32, u8), StructureFoot>,
+    /// Momenta that bodies received in the last step at links through faces.
+    at_bodies: Vec<FootLoad>,
 }
 
-/// Axes of a link along which it leads into a structure; it leaves the domain along its other axes.
+/// Axes of a link along which it leads into a solid; it leaves the domain along its other axes.
 pub type FootAxes = [bool; 3];
+
+/// Link through a face at the foot of a structure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StructureFoot {
+    /// Axes along which the link leads into the structure.
+    pub axes: FootAxes,
+    /// `true` if the face is a moving wall.
+    pub wall_moves: bool,
+}
+
+impl StructureFoot {
+    /// Returns the momentum along the link that a structure receives, in quanta, from those of the populations that
+    /// left along the link and returned. A moving wall keeps the momentum that it has added: a structure at rest
+    /// would have returned the population that left.
+    #[must_use]
+    pub fn given(&self, [left, returned]: [i64; 2]) -> i64 {
+        if self.wall_moves {
+            2 * left
+        } else {
+            left + returned
+        }
+    }
+}
+
+/// Momentum that a body received in a step at a link through a face.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FootLoad {
+    /// Position of the cell, and direction of the link.
+    pub link: (u32, u8),
+    /// Axes along which the link leads into the body.
+    pub axes: FootAxes,
+    /// Momentum along the link, in quanta: the force along an axis is that times the component of the direction.
+    pub given: i64,
+}
+
+/// Momenta that solids received in the last step at links through faces.
+pub struct Feet<'a> {
+    structures: &'a HashMap<(u32, u8), StructureFoot>,
+    bodies: HashMap<(u32, u8), [Option<i64>; 3]>,
+}
+
+impl Feet<'_> {
+    /// Returns the momentum along a link that solids have received for each axis, in quanta; none for axes along which
+    /// the face has it. The link is given by position of the cell and direction, with the populations that left along
+    /// it and returned, in quanta.
+    #[must_use]
+    pub fn given(&self, link: (u32, u8), sent: [i64; 2]) -> [Option<i64>; 3] {
+        let mut given = self.bodies.get(&link).copied().unwrap_or_default();
+        if let Some(foot) = self.structures.get(&link) {
+            for (given, leads) in given.iter_mut().zip(foot.axes) {
+                if leads && given.is_none() {
+                    *given = Some(foot.given(sent));
+                }
+            }
+        }
+        given
+    }
+}
 
 impl ClosedCells {
     /// Marks the cells at these positions of a slab as closed.
@@ -173,17 +233,31 @@ impl ClosedCells {
         self.cut.contains(&link)
     }
 
-    /// Records the links through faces at the feet of structures: the momentum along these axes is a load on the
-    /// structure, not on the face.
-    pub fn share_feet(&mut self, links: impl Iterator<Item = ((u32, u8), FootAxes)>) {
+    /// Records the links through faces at the feet of structures: the momentum along the axes that lead into
+    /// structures is a load on these, not on the face.
+    pub fn share_feet(&mut self, links: impl Iterator<Item = ((u32, u8), StructureFoot)>) {
         self.feet = links.collect();
     }
 
-    /// Returns the axes along which a link through a face, given by position of the cell and direction, leads into a
-    /// structure.
+    /// Returns the momenta that bodies received in the last step at links through faces, for the coupling to set.
+    pub fn at_bodies_mut(&mut self) -> &mut Vec<FootLoad> {
+        &mut self.at_bodies
+    }
+
+    /// Returns the momenta that solids received in the last step at links through faces.
     #[must_use]
-    pub fn foot(&self, link: (u32, u8)) -> FootAxes {
-        self.feet.get(&link).copied().unwrap_or_default()
+    pub fn feet(&self) -> Feet<'_> {
+        let mut bodies = HashMap::<_, [Option<i64>; 3]>::new();
+        for load in &self.at_bodies {
+            let sums = bodies.entry(load.link).or_default();
+            for (sum, _) in sums.iter_mut().zip(load.axes).filter(|(_, leads)| *leads) {
+                *sum = Some(load.given);
+            }
+        }
+        Feet {
+            structures: &self.feet,
+            bodies,
+        }
     }
 
     /// Returns `true` if there are no structures.

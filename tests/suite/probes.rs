@@ -340,6 +340,158 @@ fn rows_of(tables: &[String; 2]) -> [Vec<&str>; 2] {
     })
 }
 
+/// Returns a tank of water with a body in its lower corner, beside the faces `x_min` and the floor, and probes of all.
+fn still_tank(shape: &Value, position: &[f64], changes: &Value) -> Value {
+    let dimension = position.len();
+    let faces = ["x_min", "x_max", "y_min", "y_max", "z_min", "z_max"];
+    let faces = &faces[..2 * dimension];
+    let walls = faces
+        .iter()
+        .map(|face| json!({"name": face, "every": 0.5, "at": {"wall": {"face": face}}}));
+    let body = json!({"name": "body", "every": 0.5, "at": {"body": {"name": "body"}}});
+    let pick = |of: [f64; 3]| [&of[..dimension - 1], &of[2..]].concat();
+    let mut case = json!({
+        "domain": {"size": pick([0.02, 0.012, 0.016]), "spacing": 0.002},
+        "gravity": pick([0.0, 0.0, -10.0]),
+        "materials": {"rock": {"density": 2600}},
+        "fluid": {"lattice_boltzmann": {
+            "density": 1000, "kinematic_viscosity": 1e-3, "time_step": 1e-4, "gravity_acts_on_fluid": true
+        }},
+        "bodies": [{"name": "body", "material": "rock", "motion": {"fixed": {}}, "shape": shape,
+            "position": position}],
+        "coupling": {"bounce_back": {"scheme": "half_way"}},
+        "time": {"end": 0.5},
+        "probes": walls.chain([body]).collect::<Vec<_>>()
+    });
+    for (path, value) in changes.as_object().unwrap() {
+        *case.pointer_mut(path).unwrap() = value.clone();
+    }
+    case
+}
+
+/// Runs a case and returns the last force of the water on each body, structure or face of these names.
+fn still_forces<const N: usize>(case: &Value, names: [&str; N]) -> [[f64; 3]; N] {
+    let study = Study::new(&case.to_string());
+    study.run("one", 1, 1, &[]);
+    names.map(|name| {
+        let path = study.path("one").join(format!("probe_{name}.csv"));
+        let text = std::fs::read_to_string(path).unwrap();
+        let head = text.lines().find(|line| !line.starts_with('#')).unwrap();
+        let before = if head.contains("fluid_force_x") {
+            "fluid_"
+        } else {
+            ""
+        };
+        ["x", "y", "z"].map(|axis| {
+            let heading = format!("{before}force_{axis}");
+            if head.split(',').any(|column| column == heading) {
+                columns(&text, [&heading, "time"]).last().unwrap()[0]
+            } else {
+                0.0
+            }
+        })
+    })
+}
+
+/// Checks that a block in the corner of a tank of still water bears the pressure of water at rest on its sides and its
+/// top, up to the faces of the domain on which it stands, and that the faces bear no force along themselves.
+#[test]
+fn a_block_in_a_corner_bears_the_pressure_up_to_the_faces() {
+    let _beside = beside_others();
+    let walls = |condition: &Value| {
+        let faces = ["x_min", "y_min", "z_min"];
+        let walls = faces.map(|face| json!({"name": face, "face": face, "condition": condition}));
+        json!({"/fluid/lattice_boltzmann": {
+            "density": 1000, "kinematic_viscosity": 1e-3, "time_step": 1e-4, "gravity_acts_on_fluid": true,
+            "boundaries": walls, "lattice": "d3q27"
+        }})
+    };
+    let still = walls(&json!({"no_slip": {}}));
+    let moving = walls(&json!({"moving_wall": {"velocity": [0, 0, 0]}}));
+    let mirror = walls(&json!({"free_slip": {}}));
+    let interpolated = json!({"/coupling/bounce_back/scheme": "interpolated"});
+    let [width, depth, height] = [0.008, 0.006, 0.01];
+    let position = [0.5 * width, 0.5 * depth, 0.5 * height];
+    let block = json!({"cuboid": {"edges": [width, depth, height]}});
+    for (name, changes) in [
+        ("half way", &json!({})),
+        ("interpolated", &interpolated),
+        ("D3Q27", &still),
+        ("moving walls", &moving),
+        ("symmetry", &mirror),
+    ] {
+        let case = still_tank(&block, &position, changes);
+        let [body, low_x, low_y, low_z] = still_forces(&case, ["body", "x_min", "y_min", "z_min"]);
+        // The mean pressure of the tank is 0: that of the middle of its depth.
+        let pressure = |z: f64| 1e4 * (0.008 - z);
+        let exact = [
+            -pressure(0.5 * height) * depth * height,
+            -pressure(0.5 * height) * width * height,
+            -pressure(height) * width * depth,
+        ];
+        for axis in 0..3 {
+            let off = body[axis] - exact[axis];
+            assert!(
+                off.abs() < 1e-3 * exact[0].abs(),
+                "{name}, axis {axis}: {} of {}",
+                body[axis],
+                exact[axis]
+            );
+        }
+        for (normal, face) in [low_x, low_y, low_z].into_iter().enumerate() {
+            for axis in (0..3).filter(|axis| *axis != normal) {
+                assert!(
+                    face[axis].abs() < 1e-3 * exact[0].abs(),
+                    "{name}: {face:?} along the face normal to axis {normal}"
+                );
+            }
+        }
+    }
+}
+
+/// Checks that still water acts on a disc and a sphere in a corner along each axis as on the opposite face, and that
+/// it exerts no force along the faces.
+#[test]
+fn round_bodies_in_a_corner_leave_no_force_along_faces() {
+    let _beside = beside_others();
+    let bodies: [(Value, &[f64]); 2] = [
+        (json!({"disc": {"radius": 0.005}}), &[0.004, 0.0044]),
+        (
+            json!({"sphere": {"radius": 0.005}}),
+            &[0.004, 0.004, 0.0044],
+        ),
+    ];
+    for (shape, position) in bodies {
+        let case = still_tank(&shape, position, &json!({}));
+        let [body, low, floor] = still_forces(
+            &case,
+            [
+                "body",
+                "x_min",
+                if position.len() == 2 {
+                    "y_min"
+                } else {
+                    "z_min"
+                },
+            ],
+        );
+        let [high] = still_forces(&case, ["x_max"]);
+        let scale = high[0].abs().max(low[0].abs());
+        let balance = body[0] + low[0] + high[0];
+        assert!(body[0].abs() > 0.1 * scale, "{body:?} of {scale}");
+        assert!(
+            balance.abs() < 1e-3 * scale,
+            "{shape}: {balance} of {scale}"
+        );
+        let vertical = position.len() - 1;
+        let along = [low[vertical], floor[0]];
+        assert!(
+            along.iter().all(|force| force.abs() < 1e-3 * scale),
+            "{shape}: {along:?} of {scale} along the faces"
+        );
+    }
+}
+
 /// Returns a box of water with a fixed block on its floor, between the lines of cells or not, and probes of all.
 fn water_around_a_block(floor: &str, water: &Value, base: [f64; 2], scheme: &str) -> Value {
     let names = ["x_min", "x_max", "y_min", "y_max", "z_min", "z_max"];

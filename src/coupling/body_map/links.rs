@@ -150,6 +150,9 @@ impl BodyMap {
                     Some(gap) => links.narrow.push(GapLink { link, gap }),
                     None => links.open.push(link),
                 }
+                if mine_to_do && !between && !deep {
+                    self.feet_at(k, outer, inner, populations, &mut links.feet);
+                }
             }
         }
     }

@@ -80,7 +80,8 @@ impl Slab {
         (isize::from(c[2]) * size(1) + isize::from(c[1])) * size(0) + isize::from(c[0])
     }
 
-    fn in_domain(&self, local: [i32; 3]) -> bool {
+    /// Returns `true` if a cell is in the domain or an image of such a cell along a periodic axis.
+    pub(super) fn in_domain(&self, local: [i32; 3]) -> bool {
         (0..self.dimension).all(|a| {
             let global = i64::from(local[a]) + self.grid.start[a].cast_signed() as i64;
             self.grid.periodic[a] || (0..self.grid.cells[a].cast_signed() as i64).contains(&global)

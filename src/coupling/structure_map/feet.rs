@@ -7,12 +7,12 @@
 //! missing.
 
 use super::{StructureMap, WATER};
+use lbm::boundary::{StraightLinks, SurfaceKind};
 use lbm::fluid::Fluid;
 use lbm::lanes::Stored;
 use lbm::populations::{Link, Populations};
 use lbm::quanta::quanta;
-use lbm::term::FootAxes;
-use std::collections::HashSet;
+use lbm::term::StructureFoot;
 
 /// Link through a face at the foot of a structure.
 #[derive(Clone, Copy, Debug)]
@@ -25,6 +25,8 @@ pub(super) struct Foot {
     key: (u32, u8),
     /// Part of the direction that leads into the structure.
     into: [i8; 3],
+    /// Axes of this part, and the face.
+    shared: StructureFoot,
     /// Midpoint of the link in half cells, in the frame of the domain.
     middle: [i32; 3],
     /// Position in the map of the cell.
@@ -35,11 +37,11 @@ pub(super) struct Foot {
 
 impl StructureMap {
     /// Finds the feet of the structures among the links `straight`, along which a face returns a population to the cell
-    /// that sent one, by position of the cell in the lattice and direction.
+    /// that sent one.
     pub(super) fn find_feet<S: Stored>(
         &mut self,
         populations: &Populations<S>,
-        straight: &HashSet<(u32, u8)>,
+        straight: &StraightLinks,
     ) {
         let velocities = populations.velocities();
         let mut feet = Vec::new();
@@ -70,7 +72,7 @@ impl StructureMap {
         of_axes: [usize; 3],
         (position, into, cell): (usize, [i8; 3], u32),
         populations: &Populations<S>,
-        straight: &HashSet<(u32, u8)>,
+        straight: &StraightLinks,
         feet: &mut Vec<Foot>,
     ) {
         let velocities = populations.velocities();
@@ -85,15 +87,19 @@ impl StructureMap {
                 u8::try_from(j).unwrap_or(0),
             );
             let leaves = (0..3).all(|a| into[a] != 0 || c[a] == 0 || self.leaves(at, a, c[a]));
-            if !leaves || !straight.contains(&key) {
+            let Some(surface) = straight.surface(key).filter(|_| leaves) else {
                 continue;
-            }
+            };
             let start = |a: usize| i32::try_from(self.grid.start[a]).unwrap_or(i32::MAX);
             feet.push(Foot {
                 of_axes,
                 link: populations.link(position, j),
                 key,
                 into,
+                shared: StructureFoot {
+                    axes: into.map(|c| c != 0),
+                    wall_moves: surface == SurfaceKind::MovingWall,
+                },
                 middle: std::array::from_fn(|a| {
                     if a < self.dimension {
                         2 * (i32::try_from(at[a]).unwrap_or(i32::MAX) + start(a))
@@ -116,12 +122,9 @@ impl StructureMap {
         !self.in_domain(next)
     }
 
-    /// Returns the feet by position of the cell in the lattice and direction, with the axes along which they lead into
-    /// structures.
-    pub(super) fn shared_feet(&self) -> impl Iterator<Item = ((u32, u8), FootAxes)> + '_ {
-        self.feet
-            .iter()
-            .map(|foot| (foot.key, foot.into.map(|c| c != 0)))
+    /// Returns the feet by position of the cell in the lattice and direction.
+    pub(super) fn shared_feet(&self) -> impl Iterator<Item = ((u32, u8), StructureFoot)> + '_ {
+        self.feet.iter().map(|foot| (foot.key, foot.shared))
     }
 
     /// Adds the loads at the feet in this step to those of [`StructureMap::bounce`], after the faces have returned
@@ -133,8 +136,9 @@ impl StructureMap {
         let wet = |foot: &&Foot| foot.wet && fluid.holds_water(foot.key.0 as usize);
         for foot in feet.iter().filter(wet) {
             let [left, returned] = [foot.link.out(parity), foot.link.incoming(parity)];
-            let both = quanta(numbers[left].to_f64()) + quanta(numbers[returned].to_f64());
-            let force = foot.into.map(|c| i64::from(c) * both);
+            let sent = [left, returned].map(|number| quanta(numbers[number].to_f64()));
+            let given = foot.shared.given(sent);
+            let force = foot.into.map(|c| i64::from(c) * given);
             self.add_by_axis(foot.of_axes, force, foot.middle);
         }
         self.feet = feet;

@@ -1,12 +1,11 @@
 //! Flow through the faces of a slab: mass and momentum of each patch, summed as integers.
 
-use super::{Boundaries, EdgeLink, FACES, Patch, SurfaceKind, links};
+use super::{Boundaries, EdgeLink, FACES, Patch, links};
 use crate::lanes::Stored;
 use crate::lattice::Velocities;
 use crate::populations::{Link, Populations};
 use crate::quanta::quanta;
 use crate::term::ClosedCells;
-use std::collections::HashSet;
 
 /// Momentum and mass that crossed one patch during a step (exact sums over links).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -20,8 +19,8 @@ pub struct Flux {
 
 /// Populations that crossed a face along one link.
 #[derive(Clone, Copy, Debug)]
-struct Exchange {
-    patch: usize,
+pub(super) struct Exchange {
+    pub(super) patch: usize,
     /// Deviation from equilibrium of the population that left, and its direction.
     out: (f64, usize),
     /// Deviation from equilibrium of the population that entered, and its direction.
@@ -29,13 +28,13 @@ struct Exchange {
     /// Cells of the two populations: positions within an array.
     cells: [u32; 2],
     /// Deviation of the population that left along the link on which a mirror image enters; none for other links.
-    mirrored: Option<f64>,
+    pub(super) mirrored: Option<f64>,
 }
 
 impl Exchange {
     /// Returns the link of the population that enters, by position of the cell and direction: its cell lies in the
     /// slab, while a mirror image may have come from a ghost cell.
-    fn link(&self, velocities: &Velocities) -> (u32, u8) {
+    pub(super) fn link(&self, velocities: &Velocities) -> (u32, u8) {
         let direction = velocities.opposite[self.into.1];
         (self.cells[1], u8::try_from(direction).unwrap_or(0))
     }
@@ -50,7 +49,7 @@ pub struct Beside<'a> {
     pub wet: &'a dyn Fn(usize) -> bool,
     /// Returns `true` for the cells of structures and of bodies with a content of their own.
     pub solid: &'a dyn Fn(usize) -> bool,
-    /// Structures: links that they cut at planes of symmetry, and links at their feet.
+    /// Structures: links that they cut at planes of symmetry, and links at the feet of solids.
     pub structures: &'a ClosedCells,
     /// Faces that are planes of symmetry as a whole: lower and upper end of each axis.
     pub planes: [[bool; 2]; 3],
@@ -75,6 +74,7 @@ impl<S: Stored> Boundaries<S> {
     pub fn fluxes(&self, populations: &Populations<S>, beside: &Beside<'_>) -> Vec<Flux> {
         let mut fluxes = vec![Flux::default(); self.patches.len()];
         let velocities = populations.velocities();
+        let feet = beside.structures.feet();
         self.crossings(populations, |exchange| {
             let Exchange {
                 patch,
@@ -107,14 +107,14 @@ impl<S: Stored> Boundaries<S> {
             let of_link = |edge: &EdgeLink| (edge.cell, edge.direction);
             let edge = (self.edges).binary_search_by_key(&(link.0, usize::from(link.1)), of_link);
             let of_axes = edge.map_or([patch; 3], |n| self.edges[n].patches);
-            let foot = beside.structures.foot(link);
+            let given = feet.given(link, [a, b].map(quanta));
             let at_rest = [i, j].map(|i| i128::from(quanta(velocities.w[i])));
+            let both = i128::from(quanta(a)) + i128::from(quanta(b));
             for axis in 0..3 {
-                // The structure has the rest of this component.
-                let [leaves, enters] = if foot[axis] {
-                    at_rest
-                } else {
-                    [leaves, enters]
+                // The solid has the rest of this component.
+                let [leaves, enters] = match given[axis] {
+                    Some(given) => [at_rest[0] + both - i128::from(given), at_rest[1]],
+                    None => [leaves, enters],
                 };
                 fluxes[of_axes[axis]].force[axis] += i128::from(velocities.c[i][axis]) * leaves
                     - i128::from(velocities.c[j][axis]) * enters;
@@ -140,7 +140,7 @@ impl<S: Stored> Boundaries<S> {
 
     /// Returns mass and momentum that left through all faces in the last step on this rank, in quanta: mass, then
     /// momentum. The momentum is that of the cells (positions within an array) for which `counts` is true, without that
-    /// which the feet of `structures` receive. Like the
+    /// which solids receive at their feet ([`ClosedCells::feet`]). Like the
     /// loads on bodies, it is that of the deviations from the state at rest, because the pressure at rest cancels over
     /// a closed surface only.
     #[must_use]
@@ -152,14 +152,22 @@ impl<S: Stored> Boundaries<S> {
     ) -> [i128; 4] {
         let velocities = populations.velocities();
         let mut sums = [0; 4];
+        let feet = structures.feet();
         self.crossings(populations, |exchange| {
             let ends = [(1, exchange.out, 0), (-1, exchange.into, 1)];
-            let foot = structures.foot(exchange.link(velocities));
+            if counts(exchange.cells[1] as usize) {
+                let sent = [exchange.out, exchange.into].map(|(deviation, _)| quanta(deviation));
+                let given = feet.given(exchange.link(velocities), sent);
+                let c = velocities.c[exchange.out.1];
+                for axis in 0..3 {
+                    sums[axis + 1] -= i128::from(c[axis]) * i128::from(given[axis].unwrap_or(0));
+                }
+            }
             for (sign, (deviation, i), n) in ends {
                 let leaves = sign * i128::from(quanta(deviation));
                 sums[0] += leaves;
                 if counts(exchange.cells[n] as usize) {
-                    for axis in (0..3).filter(|axis| !foot[*axis]) {
+                    for axis in 0..3 {
                         sums[axis + 1] += i128::from(velocities.c[i][axis]) * leaves;
                     }
                 }
@@ -168,32 +176,9 @@ impl<S: Stored> Boundaries<S> {
         sums
     }
 
-    /// Returns the links at walls at rest and, with `openings`, through openings, by position of the cell and
-    /// direction. Along them the face returns a population to the cell that sent one.
-    #[must_use]
-    pub fn straight_links(
-        &self,
-        populations: &Populations<S>,
-        openings: bool,
-    ) -> HashSet<(u32, u8)> {
-        let velocities = populations.velocities();
-        let mut links = HashSet::new();
-        self.crossings(populations, |exchange| {
-            let counts = match self.patches[exchange.patch].rule.kind().surface {
-                SurfaceKind::Wall => true,
-                SurfaceKind::Opening => openings,
-                SurfaceKind::MovingWall | SurfaceKind::Symmetry => false,
-            };
-            if counts && exchange.mirrored.is_none() {
-                links.insert(exchange.link(velocities));
-            }
-        });
-        links
-    }
-
     /// Calls `each` for every link through a face, with the populations that left and entered along it in the last
     /// step.
-    fn crossings(&self, populations: &Populations<S>, mut each: impl FnMut(Exchange)) {
+    pub(super) fn crossings(&self, populations: &Populations<S>, mut each: impl FnMut(Exchange)) {
         let (parity, numbers) = (populations.parity(), populations.numbers());
         let velocities = populations.velocities();
         let mut begins = [0; 27];

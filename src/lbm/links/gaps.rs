@@ -6,6 +6,7 @@
 //! counted once for each of its cells next to this cell. Bodies that move together with their fluid exert no force
 //! on it: the rule is Galilean invariant. Next to a structure or a wall of the domain the velocity is theirs.
 
+use super::feet::FootLink;
 use super::{BodyLink, Rigid, surface_velocity};
 use crate::boundary::FacePart;
 
@@ -138,6 +139,8 @@ pub struct BodyLinks {
     pub narrow: Vec<GapLink>,
     /// Narrow gaps of these links.
     pub gaps: Gaps,
+    /// Links through faces of the domain next to the body.
+    pub feet: Vec<FootLink>,
 }
 
 impl BodyLinks {
@@ -146,9 +149,10 @@ impl BodyLinks {
         self.open.clear();
         self.narrow.clear();
         self.gaps.clear();
+        self.feet.clear();
     }
 
-    /// Returns the number of links.
+    /// Returns the number of links, without those through faces.
     #[must_use]
     pub fn count(&self) -> usize {
         self.open.len() + self.narrow.len()

@@ -7,13 +7,14 @@
 //!
 //! f_ī(x, t+1) = f*_i(x) - T,  f_ē(y, t+1) = f*_e(y) - T',
 //!
-//! where e leads from y through the plane to the image of x. The body receives the load of the mirrored link, from the
-//! image of x along -e: all loads on a body at a plane are those on its half in a domain of twice the size. Each half
-//! of a link is listed where its cell is in the slab.
+//! where e leads from y through the plane to the image of x. Each half of a link is listed where its cell is in the
+//! slab.
 //!
-//! The population of x crosses the plane and returns, and by symmetry so does that of its image. The plane thus
-//! receives twice the normal part of what x gives away, and no tangential part: the load on the image, minus that on
-//! the body. A link that meets the body itself before the plane gives nothing to the plane.
+//! The link lies in the corner between the plane and the body, which has the cell y next to the plane. As at the foot of
+//! a body on a wall ([`super::feet`]) its momentum acts on both: along the axes on which it crosses planes on these,
+//! along the others on the body. In water at rest the body then has the pressure on its sides and its top, and the
+//! plane that on its open cells. A link that meets a structure before the plane, with water in the cell behind, acts on
+//! the structure alone.
 
 use super::gaps::Gaps;
 use super::{
@@ -121,7 +122,6 @@ unsafe fn one<S: Stored, const D: usize>(
         }
     };
     let interpolates = half.loads && half.backed;
-    let mut acts = along.ci;
     let back = match (link.kappa, scheme) {
         (Some(kappa), _) if interpolates => leaves + kappa * difference(),
         (None, Scheme::Interpolated) if interpolates => {
@@ -129,10 +129,7 @@ unsafe fn one<S: Stored, const D: usize>(
             let start = std::array::from_fn(|a| middle[a] - 0.5 * along.c[a]);
             let from = std::array::from_fn(|a| middle[a] - 0.5 * own.c[a]);
             let before = entry::<D>(from, own.c, motion, faces).filter(|q| *q < 0.5);
-            if before.is_some() {
-                // The link hits the body itself before the plane, not its image.
-                acts = own.ci;
-            }
+            // Otherwise the link hits the image of the body.
             let q = before.or_else(|| entry::<D>(start, along.c, motion, faces));
             let q = q.unwrap_or(0.5).clamp(0.0, 1.0);
             let on_surface = std::array::from_fn(|a| start[a] + q * along.c[a]);
@@ -150,10 +147,13 @@ unsafe fn one<S: Stored, const D: usize>(
     }
     if half.loads {
         let given = quanta(leaves + back);
+        let crosses: [bool; 3] = std::array::from_fn(|a| own.ci[a] != along.ci[a]);
+        let acts = std::array::from_fn(|a| if crosses[a] { 0 } else { own.ci[a] });
         add_along::<D>(&mut loads.body, given, acts, half.middle);
         for (a, planes) in loads.planes.iter_mut().enumerate() {
-            planes[usize::from(own.ci[a] > 0)] +=
-                i128::from(own.ci[a] - acts[a]) * i128::from(given);
+            if crosses[a] {
+                planes[usize::from(own.ci[a] > 0)] += i128::from(own.ci[a]) * i128::from(given);
+            }
         }
     }
 }
