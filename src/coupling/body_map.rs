@@ -202,8 +202,10 @@ pub struct BodyMap {
     faces: Vec<FacePart>,
     /// Links along which faces of the domain return populations.
     straight: StraightLinks,
-    /// Indices of the bodies with links through faces.
+    /// Indices of the bodies with links through faces or in corners with structures.
     standing: Vec<usize>,
+    /// `true` if there are links in corners between bodies.
+    bodies_meet: bool,
 }
 
 /// Body that is mapped again.
@@ -268,6 +270,7 @@ impl BodyMap {
             faces: Vec::new(),
             straight: StraightLinks::default(),
             standing: Vec::new(),
+            bodies_meet: false,
         }
     }
 

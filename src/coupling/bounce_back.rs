@@ -222,11 +222,17 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
         let structures = self.structures.as_deref_mut();
         self.plane_loads = FaceLoads::default();
         self.fluid.feet_of_bodies_mut().clear();
-        if advance_fluid(&mut self.fluid, structures, particles, domain)? {
+        let kept = structures.is_some();
+        let map = &mut self.map;
+        let keep = |fluid: &Fluid<S>| map.keep_leaving(fluid.populations());
+        if advance_fluid(&mut self.fluid, structures, particles, domain, keep)? {
             return Ok(());
         }
         // Reflection at links runs on this processor.
         self.fluid.fetch()?;
+        if !kept {
+            self.map.keep_leaving(self.fluid.populations());
+        }
         let map = &self.map;
         self.fluid.close_openings(|cell| map.solid_in(cell));
         self.loads.resize(particles.len(), [0; 6]);
@@ -240,7 +246,13 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
             bounce::<S, 3>(populations, scheme, links, motion, faces, loads);
         }
         let mut given = std::mem::take(self.fluid.feet_of_bodies_mut());
-        (self.map).load_feet(self.fluid.populations(), &mut self.loads, &mut given);
+        let (populations, structures) = (self.fluid.populations(), self.structures.as_deref_mut());
+        let (map, loads) = (&self.map, &mut self.loads);
+        if Sp::DIMENSION == 2 {
+            map.load_feet::<S, 2>(populations, structures, loads, &mut given);
+        } else {
+            map.load_feet::<S, 3>(populations, structures, loads, &mut given);
+        }
         *self.fluid.feet_of_bodies_mut() = given;
         let populations = self.fluid.populations_mut();
         let scheme = self.settings.scheme;

@@ -58,16 +58,19 @@ impl Balanced<'_> {
     }
 }
 
-/// Makes the step of the fluid before its loads are collected. Returns `true` if the domain contains no solid.
+/// Makes the step of the fluid before its loads are collected. Returns `true` if the domain contains no solid. `keep`
+/// reads the populations before structures reflect them.
 pub(super) fn advance_fluid<Sp: Space, S: Stored>(
     fluid: &mut Fluid<S>,
     structures: Option<&mut StructureMap>,
     particles: &Particles<Sp>,
     domain: &Domain,
+    keep: impl FnOnce(&Fluid<S>),
 ) -> Result<bool, Error> {
     fluid.advance_many(1)?;
     if let Some(structures) = structures {
         fluid.fetch()?;
+        keep(fluid);
         structures.bounce(fluid.populations_mut());
         structures.load_feet(fluid);
     }

@@ -274,7 +274,7 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
 impl<Sp: Space, S: Stored> Flow<Sp> for PartiallySaturated<Sp, S> {
     fn advance(&mut self, particles: &mut Particles<Sp>, domain: &Domain) -> Result<(), Error> {
         let structures = self.structures.as_deref_mut();
-        if advance_fluid(&mut self.fluid, structures, particles, domain)? {
+        if advance_fluid(&mut self.fluid, structures, particles, domain, |_| {})? {
             return Ok(());
         }
         self.loads.clear();

@@ -17,6 +17,7 @@ use feet::Foot;
 use lbm::boundary::FaceLoads;
 use lbm::fluid::Fluid;
 use lbm::lanes::Stored;
+use lbm::links::feet::AtStructure;
 use lbm::links::fixed::{FixedLink, bounce_fixed};
 use lbm::links::gaps::Gaps;
 use lbm::links::mirrored::{MirroredLink, MirroredLoads, bounce_mirrored};
@@ -534,22 +535,26 @@ impl StructureMap {
     /// Returns the structures that receive the momentum along each axis of a link along `c`.
     ///
     /// In the corner between two structures a link crosses both. Like that at the foot of a structure ([`feet`]), it
-    /// acts along an axis on the structure that lies there.
+    /// acts along an axis on the structure that lies there. Without one it is tangential to the structures that it meets,
+    /// and acts on the first of them: on a flat face across two structures the tangential parts of the two links through
+    /// the seam then cancel.
     fn structures_of_axes(&self, cut: &Cut, c: [i32; 3]) -> [usize; 3] {
         let [cell, next] = cut.cells;
-        let mut of_axes = [cut.structure; 3];
         if self.owner[self.position(next)] == WATER {
-            return of_axes;
+            return [cut.structure; 3];
         }
-        for a in 0..self.dimension {
+        let beside = |a: usize| {
             let mut beside = cell;
             beside[a] += c[a];
             let tag = self.owner[self.position(beside)];
-            if c[a] != 0 && tag != WATER {
-                of_axes[a] = usize::from(tag) - 1;
-            }
-        }
-        of_axes
+            (c[a] != 0 && tag != WATER).then(|| usize::from(tag) - 1)
+        };
+        let met = (0..self.dimension).filter_map(beside);
+        let first = met.fold(cut.structure, usize::min);
+        std::array::from_fn(|a| {
+            let own = if a < self.dimension { beside(a) } else { None };
+            own.unwrap_or(first)
+        })
     }
 
     /// Lists the links through planes of symmetry that end in the mirror image of a solid.
@@ -752,6 +757,15 @@ impl StructureMap {
         }
         self.group_loads = loads;
         self.bounce_at_planes(populations);
+    }
+
+    /// Adds a force, in quanta, to the load of the structure at a place that bodies share with it.
+    pub(super) fn receive(&mut self, at: AtStructure, force: [i64; 3]) {
+        let tags = at.places.map(|place| self.owner[place as usize]);
+        let tag = tags.into_iter().filter(|tag| *tag != WATER).min();
+        if let Some(tag) = tag {
+            self.add_by_axis([usize::from(tag) - 1; 3], force, at.middle);
+        }
     }
 
     /// Adds each component of a force, in quanta, at a point in half cells to the structure of its axis.

@@ -449,6 +449,72 @@ fn a_block_in_a_corner_bears_the_pressure_up_to_the_faces() {
     }
 }
 
+/// Checks that blocks that stand on a structure, beside it or on another block in still water bear the pressure of water
+/// at rest on their own faces, and that the other solid bears that on its faces.
+#[test]
+fn blocks_beside_other_solids_bear_the_pressure_on_their_own_faces() {
+    let _beside = beside_others();
+    let block = json!({"cuboid": {"edges": [0.008, 0.012, 0.006]}});
+    let rock = json!({"blocks": {"normal_stiffness": {"per_area": 1e6}, "friction_angle_degrees": 30,
+        "normal_damping_ratio": 0.3}});
+    // The mean pressure of the tank is 0: that of the middle of its depth.
+    let pressure = |z: f64| 1e4 * (0.008 - z);
+    let top = -pressure(0.01) * 0.008 * 0.012;
+    let side = -pressure(0.007) * 0.006 * 0.012;
+    let from_below = |to: [f64; 3]| json!([{"name": "other", "shape": {"box": {"from": [-1, -1, -1], "to": to}}}]);
+    let low = json!({"name": "other", "material": "rock", "motion": {"fixed": {}},
+        "shape": {"cuboid": {"edges": [0.008, 0.012, 0.004]}}, "position": [0.004, 0.006, 0.002]});
+    let bed = json!({"/structures": from_below([1.0, 1.0, 0.004])});
+    let step = json!({"/structures": from_below([0.006, 1.0, 0.014])});
+    let other_block = json!({"/bodies/1": low});
+    // A block in a corner of walls on a bed, or on a block; a block in water in front of a step.
+    let scenes = [
+        (
+            &bed,
+            0.004,
+            [side, top],
+            [0.0, -pressure(0.004) * 0.012 * 0.012],
+        ),
+        (
+            &other_block,
+            0.004,
+            [side, top],
+            [-pressure(0.002) * 0.004 * 0.012, 0.0],
+        ),
+        (&step, 0.01, [side, 1e4 * 0.008 * 0.012 * 0.006], [0.0; 2]),
+    ];
+    for lattice in ["d3q19", "d3q27"] {
+        for (n, (change, x, exact, other)) in scenes.into_iter().enumerate() {
+            let mut case = still_tank(&block, &[x, 0.006, 0.007], &json!({}));
+            case["fluid"]["lattice_boltzmann"]["lattice"] = json!(lattice);
+            case["contact"] = rock.clone();
+            let kind = match (change.get("/structures"), change.get("/bodies/1")) {
+                (Some(structures), _) => {
+                    case["structures"] = structures.clone();
+                    "structure"
+                }
+                (_, second) => {
+                    let bodies = case["bodies"].as_array_mut().unwrap();
+                    bodies.push(second.unwrap().clone());
+                    "body"
+                }
+            };
+            let probe = json!({"name": "other", "every": 0.5, "at": {kind: {"name": "other"}}});
+            case["probes"].as_array_mut().unwrap().push(probe);
+            let [body, solid, floor] = still_forces(&case, ["body", "other", "z_min"]);
+            let found = [body[0] - exact[0], body[2] - exact[1], floor[0]];
+            let mut off = found.to_vec();
+            if n < 2 {
+                off.extend([solid[0] - other[0], solid[2] - other[1]]);
+            }
+            assert!(
+                off.iter().all(|off| off.abs() < 1e-3 * exact[0].abs()),
+                "{lattice}, scene {n}: {body:?} of {exact:?}, {solid:?} of {other:?}, floor {floor:?}"
+            );
+        }
+    }
+}
+
 /// Checks that still water acts on a disc and a sphere in a corner along each axis as on the opposite face, and that
 /// it exerts no force along the faces.
 #[test]

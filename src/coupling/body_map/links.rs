@@ -107,6 +107,7 @@ impl BodyMap {
             // All cells read by the link are in the slab.
             let deep = self.slab.deep(inner);
             let cell = populations.cell(inner.map(|v| v as isize));
+            let mut meets = false;
             for (out, along) in directions.iter().enumerate().skip(1) {
                 let c = along.c;
                 let outer: [i32; 3] = std::array::from_fn(|a| inner[a] + c[a]);
@@ -115,6 +116,7 @@ impl BodyMap {
                 }
                 let (outer_place, there) = owner(place, along);
                 let between = there != FLUID;
+                meets |= between && there != mine;
                 // A link between two bodies is treated by the one with the lower id.
                 if there == mine || there == OUTSIDE || (between && there < mine) {
                     continue;
@@ -153,6 +155,9 @@ impl BodyMap {
                 if mine_to_do && !between && !deep {
                     self.feet_at(k, outer, inner, populations, &mut links.feet);
                 }
+            }
+            if meets {
+                self.corners_at(k, inner, populations, links);
             }
         }
     }

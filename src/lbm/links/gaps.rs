@@ -6,7 +6,7 @@
 //! counted once for each of its cells next to this cell. Bodies that move together with their fluid exert no force
 //! on it: the rule is Galilean invariant. Next to a structure or a wall of the domain the velocity is theirs.
 
-use super::feet::FootLink;
+use super::feet::{CornerLink, FootLink, StructureCorner};
 use super::{BodyLink, Rigid, surface_velocity};
 use crate::boundary::FacePart;
 
@@ -141,6 +141,10 @@ pub struct BodyLinks {
     pub gaps: Gaps,
     /// Links through faces of the domain next to the body.
     pub feet: Vec<FootLink>,
+    /// Links in corners with other bodies.
+    pub corners: Vec<CornerLink>,
+    /// Links in corners with structures.
+    pub at_structures: Vec<StructureCorner>,
 }
 
 impl BodyLinks {
@@ -150,6 +154,8 @@ impl BodyLinks {
         self.narrow.clear();
         self.gaps.clear();
         self.feet.clear();
+        self.corners.clear();
+        self.at_structures.clear();
     }
 
     /// Returns the number of links, without those through faces.
