@@ -521,6 +521,10 @@ impl<S: Stored> Fluid<S> {
 
     /// Returns the data of the next pass.
     fn describe_pass(&mut self) -> Shared<S> {
+        let (half, periodic) = (self.half_force(), self.extent.periodic);
+        if let Some(cover) = &mut self.cover {
+            cover.set_force(half.map(|half| 2.0 * half), periodic);
+        }
         let velocity = self.field.as_mut().map_or(View::NONE, |field| field.view());
         let cover = self
             .cover

@@ -24,6 +24,14 @@
 //! on each other would set the internal fluid in motion until it transports momentum through them, and this fluid would
 //! appear in cells that become uncovered.
 //!
+//! **Weight inside.** The body force acts on the fluid inside a solid as well: the solid gives it the part B that S_i
+//! leaves out, so that the sum of both is the force F of a cell of water. Ω^s_i acts on the populations with half of
+//! this force, f_i + 3 w_i c_i·F/2, and gives the other half afterwards. In water at rest the content of a body thus
+//! has the pressure of the water beside it at every height, at any time, and passes it on to a wall or another body
+//! below. Without it the content would tend to a uniform pressure, and the uplift on a body on the ground with it. The
+//! total force on a body is that of the water on its surface in both cases. Along periodic axes, where no pressure
+//! balances a body force, it does not act inside.
+//!
 //! **Full cells** at a surface, and between bodies in contact, reverse populations with a loss of 1/64. An undamped
 //! exchange between two full cells would oscillate indefinitely, and grow at high Reynolds numbers.
 //!
@@ -336,6 +344,8 @@ pub(crate) struct Cell<N> {
     ss: N,
     /// Relaxation rate ω of the fluid.
     omega: N,
+    /// Half of the body force on the fluid inside solids.
+    inside: [N; 3],
 }
 
 impl<N: Lanes> Cell<N> {
@@ -347,7 +357,7 @@ impl<N: Lanes> Cell<N> {
         N::splat(L::W[i]) * along.mul_add(N::splat(4.5), rest)
     }
 
-    /// Calls `leave` with each population of the equilibrium at the velocity of the solid.
+    /// Calls `leave` with each population of the equilibrium at the velocity of the solid and half of the body force.
     #[inline(always)]
     fn at_solid<L: Lattice<Q>, const Q: usize>(&self, mut leave: impl FnMut(usize, N)) {
         leave(0, self.even::<L, Q>(0, self.ss, N::splat(0.0)));
@@ -356,7 +366,7 @@ impl<N: Lanes> Cell<N> {
             let c = L::C[i];
             let (along_u, along_m) = (along(c, &self.us), along(c, &self.rs));
             let even = self.even::<L, Q>(i, self.ss, along_m * along_u);
-            let odd = N::splat(3.0 * L::W[i]) * along_m;
+            let odd = N::splat(3.0 * L::W[i]) * (along_m + along(c, &self.inside));
             leave(i, even + odd);
             leave(j, even - odd);
         });

@@ -515,6 +515,55 @@ fn blocks_beside_other_solids_bear_the_pressure_on_their_own_faces() {
     }
 }
 
+/// Checks that a body of partially saturated cells bears the pressure of still water below it as well, at any time:
+/// where it stands on the floor, is lifted by a part of a cell, or stands on another body, the water carries it by the
+/// weight of the water in its place.
+#[test]
+fn water_carries_bodies_of_saturated_cells_on_the_floor_at_any_time() {
+    let _beside = beside_others();
+    // The second operator leaves 1/64 of the weight of the water in full cells at the surface on the body.
+    let operators = [
+        ("non_equilibrium_bounce_back", 1e-6),
+        ("bounce_back_about_solid", 0.02),
+        ("superposition", 1e-6),
+        ("viscosity_matched", 1e-6),
+    ];
+    let block = json!({"cuboid": {"edges": [0.008, 0.006, 0.006]}});
+    let below = json!({"name": "below", "material": "rock", "motion": {"fixed": {}},
+        "shape": {"cuboid": {"edges": [0.01, 0.008, 0.004]}}, "position": [0.01, 0.006, 0.002]});
+    for (operator, tolerance) in operators {
+        for (floor, other) in [(0.0, None), (0.0007, None), (0.004, Some(&below))] {
+            let position = [0.01, 0.006, 0.003 + floor];
+            let mut case = still_tank(&block, &position, &json!({}));
+            case["coupling"] = json!({"partially_saturated": {"solid_operator": operator}});
+            case["contact"] = json!({"blocks": {"normal_stiffness": {"per_area": 1e6},
+                "friction_angle_degrees": 30, "normal_damping_ratio": 0.3}});
+            case["bodies"]
+                .as_array_mut()
+                .unwrap()
+                .extend(other.cloned());
+            for probe in case["probes"].as_array_mut().unwrap() {
+                probe["every"] = json!(0.02);
+            }
+            let study = Study::new(&case.to_string());
+            study.run("one", 1, 1, &[]);
+            let path = study.path("one").join("probe_body.csv");
+            let rows = columns(
+                &std::fs::read_to_string(path).unwrap(),
+                ["fluid_force_z", "time"],
+            );
+            let exact = 1e4 * 0.008 * 0.006 * 0.006;
+            assert!(rows.len() > 20);
+            for [force, time] in &rows[1..] {
+                assert!(
+                    (force / exact - 1.0).abs() < tolerance,
+                    "{operator}, {floor} m above the floor: {force} of {exact} at {time} s"
+                );
+            }
+        }
+    }
+}
+
 /// Checks that still water acts on a disc and a sphere in a corner along each axis as on the opposite face, and that
 /// it exerts no force along the faces.
 #[test]

@@ -101,12 +101,13 @@ impl<S: Stored> Fluid<S> {
         }
         self.populations.set_on_device(true);
         for _ in 0..steps {
+            #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
+            let (now, then) = (self.step as f64, (self.step + 1) as f64);
             if let Some(cover) = &mut self.cover {
+                cover.set_force(self.force.force_at(now), self.extent.periodic);
                 gpu.send_cover(cover)?;
                 gpu.clear_loads(cover)?;
             }
-            #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
-            let (now, then) = (self.step as f64, (self.step + 1) as f64);
             let before = self.populations.parity();
             self.pass
                 .pass_on_gpu(gpu, before, self.force.force_at(now))?;

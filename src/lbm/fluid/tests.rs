@@ -535,6 +535,9 @@ fn step_as_gpu(fluid: &mut Fluid<f64>) {
     let before = fluid.populations.parity();
     let force = fluid.force.force_at(fluid.step as f64);
     let numbers = fluid.populations.base();
+    if let Some(cover) = &mut fluid.cover {
+        cover.set_force(force, fluid.extent.periodic);
+    }
     let view = fluid
         .cover
         .as_mut()

@@ -321,6 +321,7 @@ impl OnGpu {
         cover: &mut Cover,
         program: &Program,
     ) -> Result<(), DriverError> {
+        self.view.set_inside(cover.inside());
         let balls = cover.balls();
         let wanted = balls.map_or(MadeFrom::Cells(cover.version()), MadeFrom::Balls);
         if self.motions == cover.motions() && self.made_from == wanted {

@@ -8,10 +8,10 @@
 //! equilibrium at the mean of the velocities of the two bodies at the middle of the link,
 //!
 //! ```text
-//! f_i* = f_i^eq(ρ, u_c),     u_c = (u_a + u_b) / 2
+//! f_i* = f_i^eq(ρ, u_c) + 3 w_i c_i·F/2,     u_c = (u_a + u_b) / 2
 //! ```
 //!
-//! from both sides. The populations that arrive along i and leave along ī then add up to 2 w_i ρ, the pressure of the
+//! from both sides, with the body force F on the fluid inside solids. The populations that arrive along i and leave along ī then add up to 2 w_i ρ, the pressure of the
 //! joint (uplift), for any velocities of the bodies. The mass of the cell is conserved by a change of the rest
 //! population, and the bodies receive the momentum that the water loses. A stationary wall next to a full cell is
 //! treated as a body with u_c = 0. The rule does not apply to moving walls.
@@ -226,8 +226,10 @@ impl View {
             let cf = c.map(f64::from);
             let cv = cf[0] * v[0] + cf[1] * v[1] + cf[2] * v[2];
             let vv = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
+            let h = self.inside;
+            let ch = cf[0] * h[0] + cf[1] * h[1] + cf[2] * h[2];
             let rho = 1.0 + drho;
-            let value = L::W[i] * (drho + rho * (3.0 * cv + 4.5 * cv * cv - 1.5 * vv));
+            let value = L::W[i] * (drho + (rho * (3.0 * cv + 4.5 * cv * cv - 1.5 * vv) + 3.0 * ch));
             let more = value - leaving[i][lane];
             leaving[i][lane] = value;
             leaving[0][lane] -= more;

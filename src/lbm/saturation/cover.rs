@@ -40,6 +40,8 @@ pub struct Cover {
     pub(super) sums: Vec<Sums>,
     /// Distance between cells along each axis in positions.
     pub(super) strides: [isize; 3],
+    /// Half of the body force on the fluid inside solids, in lattice units.
+    pub(super) inside: [f64; 3],
     /// `true` if cells or motions have changed since the last query.
     changed: AtomicBool,
     /// Number of changes of cells.
@@ -90,6 +92,7 @@ impl Cover {
             solids: Vec::new(),
             sums: (0..workers.max(1)).map(|_| Sums::default()).collect(),
             strides: [stride(0), stride(1), stride(2)],
+            inside: [0.0; 3],
             changed: AtomicBool::new(true),
             version: AtomicU64::new(1),
             balls: false,
@@ -107,6 +110,17 @@ impl Cover {
     /// Returns the number of moves of the bodies if all are balls that a GPU can map; otherwise `None`.
     pub fn balls(&self) -> Option<u64> {
         self.balls.then_some(self.moves)
+    }
+
+    /// Sets the body force of the next pass. Along periodic axes no pressure balances it, and it does not act on the
+    /// fluid inside solids.
+    pub(crate) fn set_force(&mut self, force: [f64; 3], periodic: [bool; 3]) {
+        self.inside = std::array::from_fn(|a| if periodic[a] { 0.0 } else { 0.5 * force[a] });
+    }
+
+    /// Returns half of the body force on the fluid inside solids.
+    pub(crate) fn inside(&self) -> [f64; 3] {
+        self.inside
     }
 
     /// Returns the number of changes of the bodies.

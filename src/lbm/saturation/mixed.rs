@@ -9,7 +9,7 @@ use crate::lattice::{Lattice, unroll};
 
 /// Pair of opposite populations with its equilibria.
 pub(super) struct Pair<N> {
-    /// Incoming populations along i and along the opposite direction.
+    /// Incoming populations along i and along the opposite direction, with half of the body force inside solids.
     pub(super) incoming: [N; 2],
     /// Symmetric and antisymmetric parts of the equilibrium along i at the velocity of the fluid.
     pub(super) at_fluid: [N; 2],
@@ -84,18 +84,21 @@ pub(super) fn collide<M: Mixed, L: Lattice<Q>, N: Lanes, const Q: usize>(
         let even_s = cell.even::<L, Q>(i, cell.ss, ms * cs);
         let (odd_u, odd_s) = (three * mu, three * ms);
         let (x, y) = (before[i], before[j]);
+        let inside = three * along(c, &cell.inside);
         let pair = Pair {
-            incoming: [x, y],
+            incoming: [x + inside, y - inside],
             at_fluid: [even_u, odd_u],
             at_solid: [even_s, odd_s],
         };
         let [on_i, on_j] = M::pair(&pair, keep);
-        g[i] = mix(fluid[i], x, on_i, b);
-        g[j] = mix(fluid[j], y, on_j, b);
+        let inside = inside + inside;
+        g[i] = mix(fluid[i], x, on_i + inside, b);
+        g[j] = mix(fluid[j], y, on_j - inside, b);
     });
     let mut rest = [zero; 3];
     unroll!(axes a < 3 => {
-        rest[a] = M::rest(cell.m[a], cell.ru[a], keep);
+        let half = cell.inside[a];
+        rest[a] = M::rest(cell.m[a] + half, cell.ru[a], keep) + (half + half);
     });
     Act {
         rest,

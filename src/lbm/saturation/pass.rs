@@ -32,6 +32,8 @@ pub(crate) struct View {
     pub(super) order: [usize; 3],
     /// Distance in positions between neighbours along each axis.
     pub(super) strides: [isize; 3],
+    /// Half of the body force on the fluid inside solids.
+    pub(super) inside: [f64; 3],
 }
 
 /// Location of the current cells of a pass, one per lane.
@@ -155,6 +157,7 @@ impl View {
         },
         order: [0; 3],
         strides: [0; 3],
+        inside: [0.0; 3],
     };
 
     /// Returns the view of a cover for the next pass.
@@ -171,6 +174,7 @@ impl View {
             fluid: cover.fluid,
             order: cover.order,
             strides: cover.strides,
+            inside: cover.inside,
         }
     }
 
@@ -193,6 +197,7 @@ impl View {
             fluid: cover.fluid,
             order: cover.order,
             strides: cover.strides,
+            inside: cover.inside,
         }
     }
 
@@ -201,6 +206,19 @@ impl View {
     pub(crate) fn move_solids(&mut self, address: u64) {
         let at = usize::try_from(address).unwrap_or(0);
         self.solids = core::ptr::without_provenance(at);
+    }
+
+    /// Sets half of the body force on the fluid inside solids.
+    #[cfg(not(target_arch = "nvptx64"))]
+    pub(crate) fn set_inside(&mut self, half: [f64; 3]) {
+        self.inside = half;
+    }
+
+    /// Returns half of the body force on the fluid inside solids, in every lane.
+    #[inline(always)]
+    fn force_inside<N: Lanes>(&self) -> [N; 3] {
+        let [x, y, z] = self.inside;
+        [N::splat(x), N::splat(y), N::splat(z)]
     }
 
     /// Returns the bodies by slot.
@@ -306,6 +324,7 @@ impl View {
             uu: zero,
             ss: zero,
             omega: one,
+            inside: self.force_inside(),
         };
         let rho = drho + one;
         unroll!(axes a < 3 => {
@@ -313,8 +332,9 @@ impl View {
             cell.ss = cell.rs[a].mul_add(cell.us[a], cell.ss);
         });
         cell.at_solid::<L, Q>(|i, value| g[i] = value);
+        let half = &cell.inside;
         let act = Act {
-            rest: [zero - m[0], zero - m[1], zero - m[2]],
+            rest: [half[0] - m[0], half[1] - m[1], half[2] - m[2]],
             scale: rho,
             share: one,
         };
@@ -389,6 +409,7 @@ impl View {
             uu: zero,
             ss: zero,
             omega,
+            inside: self.force_inside(),
         };
         let rho = cell.drho + one;
         unroll!(axes a < 3 => {
@@ -403,9 +424,10 @@ impl View {
         act.share = fraction.where_zero(zero, act.share);
         if some_deep {
             cell.at_solid::<L, Q>(|i, value| g[i] = shallow.where_zero(value, g[i]));
-            // Deep inside, the momentum becomes that of the solid, so that the fluid loses m - ρ u_s.
+            // Deep inside, the momentum becomes that of the solid and half of the force, so that the fluid loses
+            // m - ρ u_s - F/2.
             unroll!(axes a < 3 => {
-                act.rest[a] = shallow.where_zero(zero - cell.m[a], act.rest[a]);
+                act.rest[a] = shallow.where_zero(cell.inside[a] - cell.m[a], act.rest[a]);
             });
             act.scale = shallow.where_zero(rho, act.scale);
             act.share = shallow.where_zero(one, act.share);

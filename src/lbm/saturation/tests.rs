@@ -592,6 +592,7 @@ fn a_solid_operator_is_one_file_and_one_line() {
         uu: 0.0,
         ss: 0.0,
         omega: 1.25,
+        inside: [0.0; 3],
     };
     let before = [0.1; 9];
     let mut g = [0.2; 9];

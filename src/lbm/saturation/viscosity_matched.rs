@@ -108,9 +108,11 @@ impl SolidCollision for ViscosityMatched {
         let mut rest = [zero; 3];
         unroll!(axes a < 3 => {
             force[a] = (cell.ru[a] - cell.m[a]) * N::splat(2.0);
-            let own = force[a] * water;
+            let inside = (cell.inside[a] + cell.inside[a]) * cell.fraction;
+            let own = force[a] * water + inside;
             rest[a] = zero - pull * own.mul_add(half, cell.m[a]);
             gain[a] = own + (rest[a] + pull * cell.rs[a]);
+            rest[a] = rest[a] + inside;
         });
         let mixed = of_even.mul_add(fluid[0] - before[0], before[0]);
         g[0] = cell.fraction.where_zero(fluid[0], mixed);
