@@ -535,9 +535,9 @@ impl StructureMap {
     /// Returns the structures that receive the momentum along each axis of a link along `c`.
     ///
     /// In the corner between two structures a link crosses both. Like that at the foot of a structure ([`feet`]), it
-    /// acts along an axis on the structure that lies there. Without one it is tangential to the structures that it meets,
-    /// and acts on the first of them: on a flat face across two structures the tangential parts of the two links through
-    /// the seam then cancel.
+    /// acts along an axis on the structure that lies there. Without one it is tangential to the structures that it
+    /// meets, and acts on the first of them: on a flat face across two structures the tangential parts of the two
+    /// links through the seam then cancel.
     fn structures_of_axes(&self, cut: &Cut, c: [i32; 3]) -> [usize; 3] {
         let [cell, next] = cut.cells;
         if self.owner[self.position(next)] == WATER {

@@ -27,7 +27,7 @@
 //! **Weight inside.** The body force acts on the fluid inside a solid as well: the solid gives it the part B that S_i
 //! leaves out, so that the sum of both is the force F of a cell of water. Ω^s_i acts on the populations with half of
 //! this force, f_i + 3 w_i c_i·F/2, and gives the other half afterwards. In water at rest the content of a body thus
-//! has the pressure of the water beside it at every height, at any time, and passes it on to a wall or another body
+//! has the pressure of the water around it at every height, at any time, and passes it on to a wall or another body
 //! below. Without it the content would tend to a uniform pressure, and the uplift on a body on the ground with it. The
 //! total force on a body is that of the water on its surface in both cases. Along periodic axes, where no pressure
 //! balances a body force, it does not act inside.

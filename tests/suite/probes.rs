@@ -340,7 +340,7 @@ fn rows_of(tables: &[String; 2]) -> [Vec<&str>; 2] {
     })
 }
 
-/// Returns a tank of water with a body in its lower corner, beside the faces `x_min` and the floor, and probes of all.
+/// Returns a tank of water with a body in its lower corner, next to the face `x_min` and the floor, and probes of all.
 fn still_tank(shape: &Value, position: &[f64], changes: &Value) -> Value {
     let dimension = position.len();
     let faces = ["x_min", "x_max", "y_min", "y_max", "z_min", "z_max"];
@@ -449,8 +449,8 @@ fn a_block_in_a_corner_bears_the_pressure_up_to_the_faces() {
     }
 }
 
-/// Checks that blocks that stand on a structure, beside it or on another block in still water bear the pressure of water
-/// at rest on their own faces, and that the other solid bears that on its faces.
+/// Checks that blocks that stand on a structure, in front of one or on another block in still water bear the pressure
+/// of water at rest on their own faces, and that the other solid bears that on its faces.
 #[test]
 fn blocks_beside_other_solids_bear_the_pressure_on_their_own_faces() {
     let _beside = beside_others();

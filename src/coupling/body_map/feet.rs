@@ -36,7 +36,7 @@ impl BodyMap {
             };
             let into = self.part_in_domain(outer, c);
             let first = axes.iter().position(|leads| *leads).unwrap_or(0);
-            let structure = self.holder(outer, into, first);
+            let structure = self.structure_of_link(outer, into, first);
             feet.push(FootLink {
                 link: BodyLink {
                     link: populations.link(position, usize::from(direction)),
@@ -92,7 +92,12 @@ impl BodyMap {
 
     /// Returns the structure that has the momentum of a link from a cell along `into`, along one of its axes, if there
     /// are no bodies; none if the link does not end in a structure.
-    fn holder(&self, outer: [i32; 3], into: [i32; 3], axis: usize) -> Option<AtStructure> {
+    fn structure_of_link(
+        &self,
+        outer: [i32; 3],
+        into: [i32; 3],
+        axis: usize,
+    ) -> Option<AtStructure> {
         let end: [i32; 3] = std::array::from_fn(|a| outer[a] + into[a]);
         if !self.is_structure(end) {
             return None;
@@ -117,12 +122,12 @@ impl BodyMap {
         }
     }
 
-    /// Returns the cells of the solids on which a link from the water cell `outer` along `c`, within the domain, acts along
-    /// each axis; none if it ends in water.
+    /// Returns the cells of the solids on which a link from the water cell `outer` along `c`, within the domain, acts
+    /// along each axis; none if it ends in water.
     ///
-    /// Along an axis it acts on the solid that lies there. Without one it is tangential to the solids that it meets, and
-    /// acts on that with the lowest tag: on a flat face across two solids the tangential parts of the two links through
-    /// the seam then cancel.
+    /// Along an axis it acts on the solid that lies there. Without one it is tangential to the solids that it meets,
+    /// and acts on that with the lowest tag: on a flat face across two solids the tangential parts of the two links
+    /// through the seam then cancel.
     fn receivers(&self, outer: [i32; 3], c: [i32; 3]) -> Option<[[i32; 3]; 3]> {
         let owner = |cell: [i32; 3]| self.owner[self.slab.layout_index(cell)];
         let end: [i32; 3] = std::array::from_fn(|a| outer[a] + c[a]);
@@ -151,8 +156,8 @@ impl BodyMap {
         }))
     }
 
-    /// Adds the links of body `k` in corners with other solids next to its cell `inner`: those that end there and act on
-    /// another solid, and those that act on the cell and end in another solid.
+    /// Adds the links of body `k` in corners with other solids next to its cell `inner`: those that end there and act
+    /// on another solid, and those that act on the cell and end in another solid.
     pub(super) fn corners_at<S: Stored>(
         &self,
         k: usize,
@@ -201,7 +206,7 @@ impl BodyMap {
             if c.iter().filter(|c| **c != 0).count() > 1 {
                 continue;
             }
-            // The cell lies beside that of the water: links that pass it may act on it.
+            // Links that pass the cell along this axis may act on it.
             let outer_place = self.slab.layout_index(outer);
             for (direction, past) in self.directions.iter().enumerate().skip(1) {
                 let passes = (0..3).all(|a| c[a] == 0 || past.c[a] == c[a]);
@@ -216,7 +221,12 @@ impl BodyMap {
                 };
                 for axis in (0..3).filter(|a| past.c[*a] != 0) {
                     if receivers[axis] == inner {
-                        add(outer, direction, axis, self.holder(outer, past.c, axis));
+                        add(
+                            outer,
+                            direction,
+                            axis,
+                            self.structure_of_link(outer, past.c, axis),
+                        );
                     }
                 }
             }

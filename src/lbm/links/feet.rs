@@ -36,7 +36,7 @@ pub struct FootLink {
 
 /// Component along one axis of the momentum of a link in the corner between two solids.
 ///
-/// A link that ends in one solid crosses the other one, which lies beside its cell along an axis. The component along
+/// A link that ends in one solid crosses the other one, which is next to its cell along an axis. The component along
 /// this axis acts on that solid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CornerLink {

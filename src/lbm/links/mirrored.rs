@@ -10,11 +10,11 @@
 //! where e leads from y through the plane to the image of x. Each half of a link is listed where its cell is in the
 //! slab.
 //!
-//! The link lies in the corner between the plane and the body, which has the cell y next to the plane. As at the foot of
-//! a body on a wall ([`super::feet`]) its momentum acts on both: along the axes on which it crosses planes on these,
-//! along the others on the body. In water at rest the body then has the pressure on its sides and its top, and the
-//! plane that on its open cells. A link that meets a structure before the plane, with water in the cell behind, acts on
-//! the structure alone.
+//! The link lies in the corner between the plane and the body, which has the cell y next to the plane. As at the foot
+//! of a body on a wall ([`super::feet`]) its momentum acts on both: along the axes on which it crosses planes on
+//! these, along the others on the body. In water at rest the body then has the pressure on its sides and its top, and
+//! the plane that on its open cells. A link that meets a structure before the plane, with water in the cell behind,
+//! acts on the structure alone.
 
 use super::gaps::Gaps;
 use super::{

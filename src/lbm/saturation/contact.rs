@@ -11,10 +11,11 @@
 //! f_i* = f_i^eq(ρ, u_c) + 3 w_i c_i·F/2,     u_c = (u_a + u_b) / 2
 //! ```
 //!
-//! from both sides, with the body force F on the fluid inside solids. The populations that arrive along i and leave along ī then add up to 2 w_i ρ, the pressure of the
-//! joint (uplift), for any velocities of the bodies. The mass of the cell is conserved by a change of the rest
-//! population, and the bodies receive the momentum that the water loses. A stationary wall next to a full cell is
-//! treated as a body with u_c = 0. The rule does not apply to moving walls.
+//! from both sides, with the body force F on the fluid inside solids. The populations that arrive along i and leave
+//! along ī then add up to 2 w_i ρ, the pressure of the joint (uplift), for any velocities of the bodies. The mass of
+//! the cell is conserved by a change of the rest population, and the bodies receive the momentum that the water
+//! loses. A stationary wall next to a full cell is treated as a body with u_c = 0. The rule does not apply to moving
+//! walls.
 //!
 //! The rule needs the fractions and owners of the neighbours, so that a slab stores those of its ghost cells as well.
 //! The fraction of a ghost cell is stored as its negative, so that the pass treats it as open.
