@@ -23,10 +23,11 @@ use base::number::to_i32;
 use base::thread_pool;
 use dem::particles::{Motion, Particles};
 use dem::space::{Components, Space};
+use feet::AtFaces;
 pub use gaps::{GapVelocity, NarrowGaps};
 use joint_cells::JointCells;
 pub use joint_cells::{CellChange, JointLink};
-use lbm::boundary::{FacePart, SolidPart, StraightLinks};
+use lbm::boundary::SolidPart;
 use lbm::fluid::Fluid;
 use lbm::lanes::Stored;
 use lbm::links::gaps::{BodyLinks, Gaps};
@@ -198,14 +199,7 @@ pub struct BodyMap {
     /// Links between two fluid cells that sheets cut: index of the cell, and direction.
     sheets: HashSet<(usize, u8)>,
     joint_cells: JointCells,
-    /// Parts of the faces of the domain.
-    faces: Vec<FacePart>,
-    /// Links along which faces of the domain return populations.
-    straight: StraightLinks,
-    /// Indices of the bodies with links through faces or in corners with structures.
-    standing: Vec<usize>,
-    /// `true` if there are links in corners between bodies.
-    bodies_meet: bool,
+    at_faces: AtFaces,
 }
 
 /// Body that is mapped again.
@@ -267,10 +261,7 @@ impl BodyMap {
             rows_below: Vec::new(),
             sheets: HashSet::new(),
             joint_cells: JointCells::default(),
-            faces: Vec::new(),
-            straight: StraightLinks::default(),
-            standing: Vec::new(),
-            bodies_meet: false,
+            at_faces: AtFaces::default(),
         }
     }
 

@@ -4,7 +4,7 @@
 use super::{BodyMap, FLUID, JOINT, OUTSIDE, tag};
 use crate::structure_map::StructureMap;
 use base::thread_pool;
-use lbm::boundary::{StraightLinks, SurfaceKind};
+use lbm::boundary::{FacePart, StraightLinks, SurfaceKind};
 use lbm::lanes::Stored;
 use lbm::links::feet::{AtStructure, CornerLink, FootLink, StructureCorner, load_feet};
 use lbm::links::gaps::BodyLinks;
@@ -12,10 +12,23 @@ use lbm::links::{BODIES_PER_THREAD as PER_THREAD, BodyLink, Load};
 use lbm::populations::Populations;
 use lbm::term::FootLoad;
 
+/// Faces of the domain, and bodies that meet them or other solids.
+#[derive(Debug, Default)]
+pub(super) struct AtFaces {
+    /// Parts of the faces.
+    pub(super) parts: Vec<FacePart>,
+    /// Links along which faces return populations.
+    straight: StraightLinks,
+    /// Indices of the bodies with links through faces or in corners with structures.
+    standing: Vec<usize>,
+    /// `true` if there are links in corners between bodies.
+    bodies_meet: bool,
+}
+
 impl BodyMap {
     /// Sets the links along which faces return populations. Must be called before any body is mapped.
     pub fn stand_on(&mut self, faces: StraightLinks) {
-        self.straight = faces;
+        self.at_faces.straight = faces;
     }
 
     /// Adds the feet of body `k` at a link from the water cell `outer` into its cell `inner`.
@@ -29,7 +42,7 @@ impl BodyMap {
     ) {
         let position = populations.cell(outer.map(|v| v as isize));
         let cell = u32::try_from(position).unwrap_or(u32::MAX);
-        for (direction, surface) in self.straight.of_cell(cell) {
+        for (direction, surface) in self.at_faces.straight.of_cell(cell) {
             let c = self.directions[usize::from(direction)].c;
             let Some(axes) = self.axes_into(k, outer, inner, c) else {
                 continue;
@@ -263,20 +276,20 @@ impl BodyMap {
     pub(super) fn list_standing(&mut self) {
         let stands = |links: &BodyLinks| !links.feet.is_empty() || !links.at_structures.is_empty();
         let links = self.links.iter().enumerate();
-        self.standing.clear();
+        self.at_faces.standing.clear();
         let standing = links.filter(|(_, links)| stands(links));
-        self.standing.extend(standing.map(|(k, _)| k));
-        self.bodies_meet = self.links.iter().any(|links| !links.corners.is_empty());
+        self.at_faces.standing.extend(standing.map(|(k, _)| k));
+        self.at_faces.bodies_meet = self.links.iter().any(|links| !links.corners.is_empty());
     }
 
     /// Keeps the populations that leave along links in corners, before they are reflected.
     pub fn keep_leaving<S: Stored>(&mut self, populations: &Populations<S>) {
-        for &k in &self.standing {
+        for &k in &self.at_faces.standing {
             for corner in &mut self.links[k].at_structures {
                 corner.link.keep(populations);
             }
         }
-        if self.bodies_meet {
+        if self.at_faces.bodies_meet {
             thread_pool::each_item_in_runs(&mut self.links, PER_THREAD, |_, links| {
                 for corner in &mut links.corners {
                     corner.keep(populations);
@@ -294,14 +307,14 @@ impl BodyMap {
         loads: &mut [Load],
         given: &mut Vec<FootLoad>,
     ) {
-        if self.bodies_meet {
+        if self.at_faces.bodies_meet {
             thread_pool::each_item_in_runs(loads, PER_THREAD, |k, load| {
                 for corner in &self.links[k].corners {
                     corner.load::<S, D>(populations, load);
                 }
             });
         }
-        for &k in &self.standing {
+        for &k in &self.at_faces.standing {
             let (links, motion, load) = (&self.links[k], &self.motion[k], &mut loads[k]);
             let mut lose = |at: AtStructure, force: [i64; 3]| {
                 if let Some(structures) = structures.as_deref_mut() {

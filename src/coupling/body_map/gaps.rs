@@ -60,8 +60,8 @@ impl BodyMap {
         if !self.has_mean_gaps() {
             return;
         }
-        self.faces.clear();
-        self.faces.extend(parts);
+        self.at_faces.parts.clear();
+        self.at_faces.parts.extend(parts);
     }
 
     /// Returns the solid in the neighbour of a cell along a direction; none if there is water.
@@ -111,10 +111,11 @@ impl BodyMap {
             }
             let upper = global[a] >= cells[a];
             let part = self
-                .faces
+                .at_faces
+                .parts
                 .iter()
                 .rposition(|part| part.axis == a && part.upper == upper && part.holds(point));
-            let here = match part.map(|part| (part, self.faces[part].surface)) {
+            let here = match part.map(|part| (part, self.at_faces.parts[part].surface)) {
                 Some((_, SurfaceKind::Opening)) => Beyond::Opening,
                 Some((part, SurfaceKind::MovingWall)) => {
                     Beyond::MovingWall(u32::try_from(part).unwrap_or(u32::MAX))
@@ -251,7 +252,7 @@ impl BodyMap {
         if !self.has_mean_gaps() {
             return;
         }
-        let (motion, faces) = (&self.motion, &self.faces);
+        let (motion, faces) = (&self.motion, &self.at_faces.parts);
         let renew: fn(&mut Gaps, &[Rigid], &[FacePart]) = if self.slab.dimension == 2 {
             Gaps::renew::<2>
         } else {
