@@ -3,11 +3,21 @@
 use super::kind::{HELD, SOLID};
 use crate::lanes::Stored;
 use crate::populations::Populations;
-use base::number::to_u32;
+use base::number::{real, to_u32};
 use std::collections::HashSet;
 
 /// Minimum fraction without body by which the mass of water in a cell is divided.
 const MIN_FREE: f64 = 1e-3;
+
+/// Orders of the axes. The first two contain both orders of any two axes.
+const ORDERS: [[usize; 3]; 6] = [
+    [0, 1, 2],
+    [2, 1, 0],
+    [0, 2, 1],
+    [1, 0, 2],
+    [1, 2, 0],
+    [2, 0, 1],
+];
 
 /// State of the cells.
 #[derive(Debug)]
@@ -187,15 +197,31 @@ impl Cells {
     }
 
     /// Returns the fill level behind a wall along a velocity, between 0 and 1: that of the mirror image.
+    ///
+    /// At a convex edge of a wall the image depends on the axis that is reflected first: the level is the mean over the
+    /// orders of the axes.
     pub(super) fn mirrored_level(&self, cell: usize, c: [i8; 3]) -> f64 {
-        let mut at = cell;
-        for (c, stride) in c.into_iter().zip(self.strides) {
-            let next = at.wrapping_add_signed(isize::from(c) * stride);
-            if !matches!(self.kind[next], SOLID | HELD) {
-                at = next;
+        let orders = match c.iter().filter(|&&c| c != 0).count() {
+            0 | 1 => 1,
+            2 => 2,
+            _ => ORDERS.len(),
+        };
+        let images = ORDERS[..orders].iter().map(|order| {
+            let mut at = cell;
+            for &axis in order {
+                let next = at.wrapping_add_signed(isize::from(c[axis]) * self.strides[axis]);
+                if !matches!(self.kind[next], SOLID | HELD) {
+                    at = next;
+                }
             }
+            at
+        });
+        let first = images.clone().next().unwrap_or(cell);
+        let level = |at: usize| self.fill[at].clamp(0.0, 1.0);
+        if images.clone().all(|at| at == first) {
+            return level(first);
         }
-        self.fill[at].clamp(0.0, 1.0)
+        images.map(level).sum::<f64>() / real(orders)
     }
 
     /// Returns the number of neighbours of a cell whose kind satisfies `holds`.
