@@ -61,6 +61,7 @@
 //! | `carrier` | part of a facet required by the links of other cells |
 //! | `carried` | cells whose centres lie outside the water |
 //! | `exchange` | exchange of mass and reconstruction |
+//! | `friction` | friction of films of less than one cell |
 //! | `conversion` | conversions between kinds |
 //! | `strips` | exchange of values with the neighbours, next to the surface |
 //! | `stencil` | numbers and neighbours of a cell at fixed distances |
@@ -78,6 +79,7 @@ mod exchange;
 mod facet;
 mod facets;
 mod film;
+mod friction;
 mod ghosts;
 mod jump;
 pub mod kind;
@@ -106,6 +108,7 @@ use bodies::Bodies;
 use cells::Cells;
 use decomposition::{Communicator, Domain};
 use facet::Drive;
+use friction::Films;
 use ghosts::Ghosts;
 use jump::{CapillaryJump, NoJump};
 use kind::{ENCLOSED, GAS, HELD, LIQUID, SOLID, STRAY, SURFACE, is_surface, is_wet};
@@ -126,8 +129,8 @@ pub struct SlabSurface {
     planes: Vec<Plane>,
     batches: Vec<Batch>,
     ghosts: Ghosts,
-    /// Half of the body force at the start, which decides where walls carry films.
-    half_force: [f64; 3],
+    /// Conditions of films of less than one cell.
+    films: Films,
     work: conversion::Work,
     /// Cells and directions of links that a symmetry plane reflects into a solid: they bounce back. Links through
     /// openings are not included.
@@ -176,7 +179,7 @@ impl SlabSurface {
             planes: (0..planes).map(|_| Plane::default()).collect(),
             batches: Vec::new(),
             ghosts,
-            half_force,
+            films: Films::new(half_force),
             work: conversion::Work::default(),
             corners: Vec::new(),
             bodies: None,
@@ -201,6 +204,11 @@ impl SlabSurface {
             .collect();
         self.mirrored.sort_unstable();
         self.mirrored.dedup();
+    }
+
+    /// Sets the links to faces at rest, by cell and direction.
+    pub(crate) fn set_walls(&mut self, walls: HashSet<(u32, u8)>) {
+        self.films.set_walls(walls);
     }
 
     /// Adds surface tension. Collective.
@@ -527,8 +535,12 @@ impl SlabSurface {
         half_force: [f64; 3],
         viscosity: f64,
     ) {
+        self.films.set_drive(half_force, viscosity);
         if self.unsettled {
             self.settle(populations, false);
+        }
+        if self.bodies.is_some() {
+            self.brake(populations);
         }
         for opening in &mut self.openings {
             opening.remember(&self.cells, populations, half_force);
@@ -658,7 +670,17 @@ impl SlabSurface {
                 exchange::fill_renewed(&mut self.cells, self.work.renewed(), populations)
             );
             self.settle(populations, true);
+            self.brake(populations);
         }
+    }
+
+    /// Applies the friction of walls to films: with bodies at the start of a step, when the kinds of cells are known.
+    fn brake<S: Stored>(&mut self, populations: &mut Populations<S>) {
+        let (films, cells, batches) = (&self.films, &self.cells, &mut self.batches[..]);
+        with_set!(
+            populations,
+            friction::brake(films, cells, batches, populations)
+        );
     }
 
     /// Sends the moments next to the surface again, after populations were set between two steps. Collective.
@@ -706,7 +728,7 @@ impl SlabSurface {
                 (&self.cells, self.ghosts.around()),
                 batches,
                 populations,
-                (self.half_force, filled)
+                (self.films.half_force, filled)
             )
         );
         for batch in &self.batches {

@@ -19,6 +19,7 @@ impl<S: Stored> Fluid<S> {
             .map_err(FluidError::Surface)?;
         surface.open(self.openings());
         surface.set_mirrored(self.boundaries.mirrored_cells(&self.populations));
+        surface.set_walls(self.boundaries.straight_links(&self.populations, false));
         self.surface = Some(Box::new(surface));
         Ok(())
     }

@@ -5,6 +5,7 @@
 //! has its own sums, in the order of the directions, so that the bits do not depend on the batches.
 
 use super::facet::Facets;
+use super::friction::Thin;
 use super::lists::Plane;
 use super::positions::{MOST, Positions, Values};
 use super::stencil::{Numbers, Stencil};
@@ -28,6 +29,8 @@ pub(crate) struct Batch {
     pub(super) fill: Values,
     /// Kind of each cell at the end of the step.
     pub(super) kind: [u8; MOST],
+    /// Cells with gas and without liquid next to them.
+    pub(super) thin: Thin,
 }
 
 impl Batch {

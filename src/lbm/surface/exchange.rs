@@ -530,9 +530,12 @@ impl<L: Lattice<Q>, S: Stored, const Q: usize> Work for Classify<'_, L, S, Q> {
                     batch.fill[k] = cells.fill_from(cell as usize, mass, densities[k]);
                 }
             }
+            batch.thin = 0;
             for (k, &cell) in positions.cells().iter().enumerate() {
                 let cell = cell as usize;
                 let liquid = next_to[k] & liquid != 0 || cells.is_fed(cell);
+                let thin = !liquid && next_to[k] & gas != 0;
+                batch.thin |= if thin { 1 << k } else { 0 };
                 let fill = batch.fill[k];
                 batch.kind[k] = match (next_to[k] & gas != 0, liquid) {
                     (false, _) if fill <= 1.0 - NEARLY => ENCLOSED,

@@ -25,7 +25,7 @@ use base::vector::dot;
 const LEAST: f64 = 0.01;
 
 /// Returns the components of half of the body force that walls can carry.
-fn heavy(half_force: [f64; 3]) -> [f64; 3] {
+pub(super) fn heavy(half_force: [f64; 3]) -> [f64; 3] {
     let least = LEAST * dot(half_force, half_force).sqrt();
     half_force.map(|f| if f.abs() > least { f } else { 0.0 })
 }
