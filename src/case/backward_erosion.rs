@@ -38,7 +38,8 @@ pub struct BackwardErosion {
     /// Width of the pipe in 3-D. A section in 2-D has a pipe of unit width, as along a ditch.
     #[serde(default)]
     pub width: Option<WidthOfPipe>,
-    /// Dike on a homogeneous layer, for which the rule of Sellmeijer et al. (2011) is evaluated next to the answer.
+    /// Dike on a homogeneous layer, for which the rule of Sellmeijer et al. (2011) is evaluated next to the answer: the
+    /// published formula with its regression of d70, whatever `diameter` is.
     #[serde(default)]
     pub rule: Option<DikeOnSand>,
 }

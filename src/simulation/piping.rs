@@ -1,6 +1,7 @@
 //! Backward erosion piping of a run: its entry in `summary.json`, its table and its messages.
 
 use base::error::Error;
+use case::backward_erosion::EquilibriumDiameter;
 use coupling::seepage::Seepage;
 use darcy::Piping;
 use darcy::piping::{PipeOfLength, TURBULENT, across, rule};
@@ -16,12 +17,21 @@ pub(super) const TABLE: &str = "backward_erosion.csv";
 const COLUMNS: &str = "length [m],head [m],tip_head [m],tip_slope [-],exit_slope [-],tip_height [m],exit_height [m],\
                        exit_width [m],discharge [m3/s],reynolds [-]\n";
 
+/// Critical heads of the rule of Sellmeijer et al. (2011).
+#[derive(Clone, Copy)]
+struct RuleHeads {
+    /// Head by the published formula, with its regression of d70 \[m\].
+    published: f64,
+    /// Head with the diameter that the equilibrium of the case has \[m\].
+    of_equilibrium: f64,
+}
+
 /// Answers of a study.
 pub(super) struct PipingAnswers {
     found: Piping,
     scene: PipingScene,
-    /// Critical head of the rule \[m\].
-    rule: Option<f64>,
+    /// Critical heads of the rule.
+    rule: Option<RuleHeads>,
     /// Width of a cell across the pipe \[m\].
     cell_width: f64,
 }
@@ -38,9 +48,17 @@ impl PipingAnswers {
         let openness = seepage.openness();
         let found = Piping::study(seepage.pressure(), openness, &scene.settings)
             .map_err(|e| Error::Numerical(e.to_string()))?;
-        let of_rule = |dike: &case::backward_erosion::DikeOnSand| {
+        let of_rule = |written: &case::backward_erosion::DikeOnSand| {
             let grains = &scene.settings.grains;
-            rule::critical_head(grains, dike.length, dike.thickness, found.permeability)
+            let dike = rule::Dike {
+                length: written.length,
+                thickness: written.thickness,
+                permeability: found.permeability,
+            };
+            RuleHeads {
+                published: rule::critical_head(scene.written.d70, grains, &dike),
+                of_equilibrium: rule::head_of_equilibrium(grains, &dike),
+            }
         };
         Ok(Self {
             rule: scene.written.rule.as_ref().map(of_rule),
@@ -66,9 +84,10 @@ impl PipingAnswers {
             "grows_through": stops.is_none(),
             "stops_at": stops,
         });
-        if let Some(head) = self.rule {
-            entry["rule_head"] = head.into();
-            entry["head_over_rule"] = (critical.head / head).into();
+        if let Some(rule) = self.rule {
+            entry["rule_head"] = rule.published.into();
+            entry["head_over_rule"] = (critical.head / rule.published).into();
+            entry["head_over_rule_of_same_diameter"] = (critical.head / rule.of_equilibrium).into();
         }
         entry
     }
@@ -112,10 +131,19 @@ impl PipingAnswers {
                 self.scene.head
             ),
         ];
-        if let Some(head) = self.rule {
+        if let Some(rule) = self.rule {
+            let same = match self.scene.written.diameter {
+                EquilibriumDiameter::Sellmeijer2011 => String::new(),
+                EquilibriumDiameter::D70 => format!(
+                    ", and {:.3} of the rule without its factor (d70m/d70)^0.6, which the equilibrium with d70 lacks \
+                     as well (`diameter`: \"sellmeijer2011\" has it)",
+                    critical.head / rule.of_equilibrium
+                ),
+            };
             lines.push(format!(
-                "rule of Sellmeijer et al. (2011): {head:.4} m; the critical head is {:.3} of it",
-                critical.head / head
+                "rule of Sellmeijer et al. (2011): {:.4} m; the critical head is {:.3} of it{same}",
+                rule.published,
+                critical.head / rule.published
             ));
         }
         lines

@@ -187,7 +187,12 @@ fn section(sand: &Sand, cells: usize) -> (Piping, f64) {
         ..ground.settings(1, grains)
     };
     let found = Piping::study(&ground.pressure, &ground.openness, &settings).unwrap();
-    let rule = rule::critical_head(&grains, length, thickness, permeability);
+    let dike = rule::Dike {
+        length,
+        thickness,
+        permeability,
+    };
+    let rule = rule::head_of_equilibrium(&grains, &dike);
     (found, rule)
 }
 
