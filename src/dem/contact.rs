@@ -210,6 +210,10 @@ pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
     fn bond(_: &Self::Constants, _: &mut Self::History, _overlap: f64) -> bool {
         false
     }
+    /// Multiplies the strengths of the bonds that the law makes by a factor.
+    fn strengthen(&mut self, _factor: f64) {}
+    /// Multiplies the strength of an existing bond by a factor, if its history holds the strength.
+    fn strengthen_bond(_: &mut Self::History, _factor: f64) {}
     /// Returns the largest gap \[m\] over which a pair that [`Self::holds`] still acts, for a range of mean diameters
     /// \[m\] of pairs.
     fn widest_opening(&self, _diameters: [f64; 2]) -> f64 {

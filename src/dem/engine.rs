@@ -158,6 +158,8 @@ pub(super) struct Engine<S: Space, L: Bodies<S>> {
     pub(super) histories: Vec<(Key, L::History)>,
     pub(super) wall_histories: Vec<(WallKey, L::History)>,
     parallel: bool,
+    /// Factor of the strengths of bonds: 1 except in [`super::Dem::set_bond_strength`].
+    bond_strength: f64,
     scratch: L::Scratch,
 }
 
@@ -210,6 +212,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             histories: Vec::new(),
             wall_histories: Vec::new(),
             parallel: false,
+            bond_strength: 1.0,
             scratch: L::Scratch::default(),
         }
     }

@@ -6,6 +6,7 @@
 use super::particles::Particles;
 use super::space::{Components, Space};
 use super::{Dem, Kind};
+use base::error::Error;
 use decomposition::Domain;
 
 /// Criteria for grains in equilibrium, and the damping used to reach it.
@@ -66,6 +67,34 @@ pub fn unbalanced_text(share: f64) -> String {
 }
 
 impl<S: Space> Dem<S> {
+    /// Sets the strengths of all bonds, present and new, to a multiple of those of the law: 1 restores them, with the
+    /// same bits for powers of two. Saved contacts hold the multiple, so that it must be 1 when they are saved.
+    /// Collective.
+    ///
+    /// # Errors
+    /// If [`Self::advance`] fails.
+    pub fn set_bond_strength(
+        &mut self,
+        particles: &mut Particles<S>,
+        domain: &Domain,
+        factor: f64,
+    ) -> Result<(), Error> {
+        self.engine.set_bond_strength(particles, domain, factor)
+    }
+
+    /// Breaks the bonds whose springs exceed their strength at the present positions, without motion; returns their
+    /// number on all ranks. If there are none, contacts and loads keep their bits. Collective.
+    ///
+    /// # Errors
+    /// If [`Self::advance`] fails.
+    pub fn break_overloaded(
+        &mut self,
+        particles: &mut Particles<S>,
+        domain: &Domain,
+    ) -> Result<u64, Error> {
+        self.engine.break_overloaded(particles, domain)
+    }
+
     /// Measures the unbalanced force and the speed of the grains. Collective.
     #[must_use]
     pub fn equilibrium_state(&self, particles: &Particles<S>, domain: &Domain) -> EquilibriumState {

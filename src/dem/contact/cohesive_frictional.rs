@@ -270,6 +270,16 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
         c.cohesion > 0.0
     }
 
+    fn strengthen(&mut self, factor: f64) {
+        for pair in self.parameters.rows_mut() {
+            pair.cohesion = pair.cohesion.times(factor);
+        }
+    }
+
+    fn strengthen_bond(history: &mut CohesiveFrictionalHistory<S>, factor: f64) {
+        history.cohesion *= factor;
+    }
+
     fn widest_opening(&self, diameters: [f64; 2]) -> f64 {
         // C/k_n is a monotonic function of the diameter, or independent of it.
         let opening = |p: &CohesiveFrictionalParameters, d: f64| {

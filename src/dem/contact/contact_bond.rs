@@ -336,6 +336,13 @@ impl<S: Space> ContactLaw<S> for ContactBond {
         history.bonded
     }
 
+    fn strengthen(&mut self, factor: f64) {
+        for pair in self.parameters.rows_mut() {
+            pair.tensile_strength *= factor;
+            pair.shear_strength *= factor;
+        }
+    }
+
     fn normal_spring(
         c: &ContactBondConstants,
         history: &ContactBondHistory<S>,

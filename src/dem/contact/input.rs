@@ -171,6 +171,15 @@ impl Scaled {
         }
     }
 
+    /// Returns the value times a factor.
+    #[must_use]
+    pub fn times(self, factor: f64) -> Self {
+        match self {
+            Self::PerDiameter(value) => Self::PerDiameter(value * factor),
+            Self::Absolute(value) => Self::Absolute(value * factor),
+        }
+    }
+
     /// Returns the constant part and the part per diameter, one of which is zero.
     #[must_use]
     pub fn parts(self) -> [f64; 2] {

@@ -85,6 +85,14 @@ macro_rules! springs_of_law_below {
             $L::bond(&c.law, &mut (*history)$(.$field)?, overlap)
         }
 
+        fn strengthen(&mut self, factor: f64) {
+            $L::strengthen(&mut self.law, factor);
+        }
+
+        fn strengthen_bond(history: &mut Self::History, factor: f64) {
+            $L::strengthen_bond(&mut (*history)$(.$field)?, factor);
+        }
+
         fn shear_spring(history: &Self::History) -> S::Tangent {
             $L::shear_spring(&(*history)$(.$field)?)
         }

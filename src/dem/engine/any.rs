@@ -35,6 +35,19 @@ pub(crate) trait AnyEngine<S: Space>: std::fmt::Debug + Send + Sync {
     fn prepare(&mut self, particles: &mut Particles<S>, domain: &Domain) -> Result<(), Error>;
     /// Bonds every present contact; returns the number reported by this rank.
     fn bond_all(&mut self, particles: &Particles<S>) -> u64;
+    /// Sets the strengths of all bonds to a multiple of those of the law.
+    fn set_bond_strength(
+        &mut self,
+        particles: &mut Particles<S>,
+        domain: &Domain,
+        factor: f64,
+    ) -> Result<(), Error>;
+    /// Breaks the bonds that are overloaded at the present positions; returns their number on all ranks.
+    fn break_overloaded(
+        &mut self,
+        particles: &mut Particles<S>,
+        domain: &Domain,
+    ) -> Result<u64, Error>;
     /// Returns the bonds that failed since the last call.
     fn take_breaks(&mut self) -> Vec<BondBreak<S>>;
     /// Calls `visit` with every contact reported by this rank.
@@ -114,6 +127,23 @@ impl<S: Space, L: Bodies<S>> AnyEngine<S> for Engine<S, L> {
 
     fn bond_all(&mut self, particles: &Particles<S>) -> u64 {
         L::bond_all(self, particles)
+    }
+
+    fn set_bond_strength(
+        &mut self,
+        particles: &mut Particles<S>,
+        domain: &Domain,
+        factor: f64,
+    ) -> Result<(), Error> {
+        self.set_bond_strength(particles, domain, factor)
+    }
+
+    fn break_overloaded(
+        &mut self,
+        particles: &mut Particles<S>,
+        domain: &Domain,
+    ) -> Result<u64, Error> {
+        self.break_overloaded(particles, domain)
     }
 
     fn take_breaks(&mut self) -> Vec<BondBreak<S>> {

@@ -6,6 +6,8 @@ use super::pairs::separation;
 use crate::BondBreak;
 use crate::particles::Particles;
 use crate::space::{Components, Space};
+use base::error::Error;
+use decomposition::Domain;
 
 impl<S: Space, L: Bodies<S>> Engine<S, L> {
     /// Records each failed bond as an event on one rank: the owner of the lower id, or of the grain at a wall.
@@ -84,5 +86,58 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         // Bonds across gaps act from now on.
         self.activate(particles);
         bonds
+    }
+
+    /// Sets the strengths of all bonds to a multiple of those of the law. The lists are built again, because bonds may
+    /// open farther. Collective.
+    pub(super) fn set_bond_strength(
+        &mut self,
+        particles: &mut Particles<S>,
+        domain: &Domain,
+        factor: f64,
+    ) -> Result<(), Error> {
+        let change = factor / self.bond_strength;
+        if change.to_bits() == 1_f64.to_bits() {
+            return Ok(());
+        }
+        self.bond_strength = factor;
+        self.law.strengthen(change);
+        self.rows = self.law.table();
+        self.remember();
+        let pairs = self.histories.iter_mut().map(|(_, history)| history);
+        let walls = self.wall_histories.iter_mut().map(|(_, history)| history);
+        for history in pairs.chain(walls) {
+            L::strengthen_bond(history, change);
+        }
+        self.validity.listed = false;
+        self.prepare(particles, domain)
+    }
+
+    /// Breaks the bonds that are overloaded at the present positions, without motion; returns their number on all
+    /// ranks. If there are none, contacts and loads keep their bits. Collective.
+    pub(super) fn break_overloaded(
+        &mut self,
+        particles: &mut Particles<S>,
+        domain: &Domain,
+    ) -> Result<u64, Error> {
+        // Grains and histories go to their owners before they are copied.
+        self.prepare(particles, domain)?;
+        self.remember();
+        let histories = (self.histories.clone(), self.wall_histories.clone());
+        self.validity.listed = false;
+        self.prepare(particles, domain)?;
+        let loads = particles.contact.clone();
+        let before = self.events.breaks.len();
+        self.all_forces(particles, 0.0, None);
+        let broken = (self.events.breaks.len() - before) as u64;
+        let broken = domain.communicator().all_reduce_sum_u64(broken);
+        if broken == 0 {
+            self.remember();
+            (self.histories, self.wall_histories) = histories;
+            self.validity.listed = false;
+            particles.contact = loads;
+            self.prepare(particles, domain)?;
+        }
+        Ok(broken)
     }
 }
