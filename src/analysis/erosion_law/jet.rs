@@ -296,16 +296,44 @@ fn check(readings: &[JetReading]) -> Result<(), String> {
             reading.distance, reading.time
         ));
     }
-    match readings
+    if let Some(pair) = readings
         .windows(2)
         .find(|pair| pair[1].time <= pair[0].time)
     {
-        Some(pair) => Err(format!(
+        return Err(format!(
             "the reading at {} s follows that at {} s, but times must increase from row to row",
             pair[1].time, pair[0].time
-        )),
-        None => Ok(()),
+        ));
     }
+    if soil_comes_nearer(readings) {
+        let (first, last) = (readings[0], readings[readings.len() - 1]);
+        return Err(format!(
+            "the distances fall from {} m at {} s to {} m at {} s, but soil that erodes recedes from the nozzle: write \
+             distances from the nozzle to the soil, which are the first one plus the depth of the scour",
+            first.distance, first.time, last.distance, last.time
+        ));
+    }
+    Ok(())
+}
+
+/// Returns `true` if the distances fall with time by more than their scatter explains: the slope of their line of least
+/// squares is negative by more than twice its interval of 95 %, so that tests without erosion are not refused.
+fn soil_comes_nearer(readings: &[JetReading]) -> bool {
+    let n = real(readings.len());
+    let mean = |of: fn(&JetReading) -> f64| readings.iter().map(of).sum::<f64>() / n;
+    let (time, distance) = (mean(|r| r.time), mean(|r| r.distance));
+    let product =
+        |a: fn(&JetReading) -> f64, a_mean: f64, b: fn(&JetReading) -> f64, b_mean: f64| {
+            let parts = readings.iter().map(|r| (a(r) - a_mean) * (b(r) - b_mean));
+            parts.sum::<f64>()
+        };
+    let times = product(|r| r.time, time, |r| r.time, time);
+    let slope = product(|r| r.time, time, |r| r.distance, distance) / times;
+    let residues =
+        product(|r| r.distance, distance, |r| r.distance, distance) - slope * slope * times;
+    let freedom = readings.len() - 2;
+    let scatter = (residues.max(0.0) / (real(freedom) * times)).sqrt();
+    slope < -2.0 * student(freedom) * scatter - EXACT * distance / times.sqrt()
 }
 
 /// Returns the means over specimens; none for fewer than two.
@@ -622,6 +650,45 @@ mod tests {
     use super::*;
     use approx::assert_relative_eq;
     use base::random::Draws;
+
+    /// Distances that fall are of a logger that measures the other way; scatter around one distance is none.
+    #[test]
+    fn soil_that_comes_nearer_is_refused() {
+        let readings = |distances: [f64; 6]| {
+            let times = [0.0, 10.0, 20.0, 30.0, 40.0, 50.0];
+            times
+                .into_iter()
+                .zip(distances)
+                .map(|(time, distance)| JetReading { time, distance })
+                .collect::<Vec<_>>()
+        };
+        let jet = JetApparatus {
+            nozzle: 0.0064,
+            head: 1.0,
+            density: 1000.0,
+            gravity: 9.81,
+            friction: JetApparatus::FRICTION,
+            core: JetApparatus::CORE,
+        };
+        for falls in [
+            [0.1, 0.09, 0.08, 0.07, 0.05, 0.02],
+            [0.1, 0.099, 0.098, 0.097, 0.096, 0.095],
+        ] {
+            let error = fit_jet(&jet, &readings(falls)).unwrap_err();
+            assert!(error.contains("recedes from the nozzle"), "{error}");
+        }
+        for still in [
+            [0.1; 6],
+            [0.1, 0.1005, 0.0995, 0.1005, 0.0998, 0.0997],
+            [0.1, 0.0995, 0.1002, 0.0996, 0.0999, 0.0996],
+        ] {
+            let outcome = fit_jet(&jet, &readings(still)).unwrap();
+            assert!(
+                matches!(outcome, JetOutcome::LowerBound { .. }),
+                "{outcome:?}"
+            );
+        }
+    }
 
     fn apparatus(nozzle: f64, head: f64) -> JetApparatus {
         JetApparatus {
