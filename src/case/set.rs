@@ -77,7 +77,10 @@ pub fn apply(tree: &mut Value, assignment: &str) -> Result<String, Box<Problem>>
                 let length = list.len();
                 if *index > length {
                     let reason = format!("index {index} is past the end of a list of {length}");
-                    let remedy = format!("use 0 to {length}");
+                    let remedy = match length {
+                        0 => "use 0, which adds an entry".to_owned(),
+                        _ => format!("use 0 to {}, or {length} to add an entry", length - 1),
+                    };
                     return Err(problem(path, text, &reason, &remedy));
                 }
                 if *index == length {

@@ -386,6 +386,28 @@ struct Found {
     can_continue: bool,
 }
 
+/// Refuses a folder that holds a run, for results of another kind. A case alone is no run.
+///
+/// # Errors
+/// If the folder holds files of a run besides a case, [`Error::Usage`]; if it cannot be read, [`Error::Io`].
+pub fn refuse_run(folder: &Path) -> Result<(), Error> {
+    if !folder.is_dir() {
+        return Ok(());
+    }
+    let found = Found::in_folder(folder)?;
+    let of_a_run = |found: &Found| {
+        found.checkpoints > 0 || found.files.iter().any(|file| !file.ends_with("case.json"))
+    };
+    match found.filter(of_a_run) {
+        None => Ok(()),
+        Some(found) => Err(Error::Usage(format!(
+            "{} holds a run ({}), among whose files the members of a study cannot lie; choose another --output",
+            folder.display(),
+            found.describe()
+        ))),
+    }
+}
+
 impl Found {
     /// Lists the files of an earlier run; none if there is only the lock.
     fn in_folder(folder: &Path) -> Result<Option<Self>, Error> {

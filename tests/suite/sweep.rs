@@ -193,6 +193,36 @@ fn nothing_runs_where_members_would_share_a_core_or_a_field_is_wrong() {
     assert!(!file.with_extension("").exists());
 }
 
+/// Checks that a quotient by 0 is an empty cell with a note, that errors from a reference of 0 are said to be absolute,
+/// and that no study writes into the folder of a run.
+#[test]
+fn values_without_a_meaning_are_named_and_the_folder_of_a_run_is_left_alone() {
+    let (_folder, file) = study(|tree| {
+        tree["vary"] = json!({"domain.spacing": [1e-4]});
+        tree["outputs"]["quotient"] = json!({"is": "mean_velocity/0"});
+        tree["outputs"]["product"] = json!({"is": "2*mean_velocity"});
+        tree["reference"]["product"] = json!("0");
+    });
+    let said = done(&file, &[]);
+    assert!(said.contains("quotient: the value is inf"), "{said}");
+    assert!(
+        said.contains("the errors of product are absolute"),
+        "{said}"
+    );
+    let output = file.with_extension("");
+    let rows = table(&output.join("members.csv"));
+    assert_eq!(rows["spacing=1e-4"]["quotient"], "");
+    let run = output.join("spacing=1e-4");
+    let before = std::fs::read_dir(&run).unwrap().count();
+    let refused = sweep(&file, &["--output", run.to_str().unwrap()])
+        .output()
+        .unwrap();
+    let errors = String::from_utf8_lossy(&refused.stderr);
+    assert_eq!(refused.status.code(), Some(2), "{errors}");
+    assert!(errors.contains("holds a run (done"), "{errors}");
+    assert_eq!(std::fs::read_dir(&run).unwrap().count(), before);
+}
+
 /// Checks that the exit code and the table report a member that is ended by a signal.
 #[test]
 fn a_member_that_is_killed_is_reported() {

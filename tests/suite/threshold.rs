@@ -191,7 +191,7 @@ fn a_criterion_that_does_not_change_is_a_result_and_failed_members_have_no_verdi
 #[test]
 fn a_wrong_search_is_refused_with_path_and_remedy_before_any_run() {
     type Change = fn(&mut Value);
-    let wrong: [(Change, &str, &str); 9] = [
+    let wrong: [(Change, &str, &str); 11] = [
         (|t| t["search"]["form"] = json!(1), "search.form", "from"),
         (
             |t| t["search"]["from"] = json!(9),
@@ -218,6 +218,16 @@ fn a_wrong_search_is_refused_with_path_and_remedy_before_any_run() {
             |t| t["criterion"] = json!("speed >"),
             "criterion",
             "write numbers",
+        ),
+        (
+            |t| t["criterion"] = json!("speed"),
+            "criterion",
+            "speed > 1e-3",
+        ),
+        (
+            |t| t["search"]["field"] = json!("gravity[7]"),
+            "gravity[7]",
+            "use 0 to 2, or 3 to add an entry",
         ),
         (
             |t| t["outputs"]["speed"]["file"] = json!("probe_blok.csv"),

@@ -78,19 +78,15 @@ pub fn members(study: &Study, study_folder: &Path) -> Result<Vec<Member>, Vec<Pr
     let drafts = drafts(study)?;
     let mut found = names(&drafts, study);
     let mut members = Vec::new();
-    // A finding that applies to many members is printed once, with the first of them.
-    let mut said: BTreeMap<(String, String, String), (usize, usize)> = BTreeMap::new();
+    // A finding that applies to many members is printed once, with the first of them and its value.
+    let mut said: BTreeMap<(String, String), (usize, usize)> = BTreeMap::new();
     for draft in drafts {
         if found.len() >= MAX_PROBLEMS {
             break;
         }
         let (member, problems) = make(study, &base, &directory, draft);
         for mut problem in problems {
-            let key = (
-                problem.path.clone(),
-                problem.value.clone(),
-                problem.reason.clone(),
-            );
+            let key = (problem.path.clone(), problem.reason.clone());
             let (at, count) = said.entry(key).or_insert((found.len(), 0));
             *count += 1;
             if *count == 1 {
@@ -502,6 +498,35 @@ mod tests {
             "as in 1 more members",
         ] {
             assert!(text.contains(part), "{part} is not in\n{text}");
+        }
+    }
+
+    #[test]
+    fn one_slip_of_many_values_is_one_problem() {
+        let problems = study(|tree| tree["vary"] = json!({"time.nosuch": [1, 2, 3]})).unwrap_err();
+        assert_eq!(problems.len(), 1, "{problems:#?}");
+        assert!(problems[0].reason.contains("as in 2 more members"));
+    }
+
+    #[test]
+    fn a_variation_without_values_is_refused() {
+        for (values, sound) in [
+            (json!([]), "1 < 2"),
+            (json!({}), "1 < 2"),
+            (json!([1e-3]), "2"),
+        ] {
+            let problems = study(|tree| {
+                tree["vary"]["time.end"] = values.clone();
+                tree["sound"] = json!(sound);
+            })
+            .unwrap_err();
+            let wanted = if sound == "2" {
+                "sound"
+            } else {
+                "vary.time.end"
+            };
+            assert_eq!(problems.len(), 1, "{problems:#?}");
+            assert_eq!(problems[0].path, wanted, "{problems:#?}");
         }
     }
 

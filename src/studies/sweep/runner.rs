@@ -95,7 +95,7 @@ impl<'a> Runner<'a> {
     /// Creates the output folder and registers signal handlers. Unstable members run if this is allowed.
     ///
     /// # Errors
-    /// If the folder cannot be created ([`Error::Io`]), or if signals cannot be caught ([`Error::Internal`]).
+    /// If the folder holds a run ([`Error::Usage`]), if it cannot be created ([`Error::Io`]), or if signals cannot be caught ([`Error::Internal`]).
     pub fn new(
         run: &'a Run,
         allow_unstable: bool,
@@ -104,6 +104,7 @@ impl<'a> Runner<'a> {
         report: LineReport<'a>,
     ) -> Result<Self, Error> {
         use signal_hook::consts::{SIGINT, SIGTERM, SIGUSR2};
+        simulation::folder::refuse_run(output)?;
         fs::create_dir_all(output).map_err(|e| Error::Io(format!("{}: {e}", output.display())))?;
         let stop = Arc::new(AtomicBool::new(false));
         for signal in [SIGINT, SIGTERM, SIGUSR2] {

@@ -325,6 +325,16 @@ impl Study {
                 "vary a field, or list members",
             ));
         }
+        if self.sample.is_none() {
+            for (name, variation) in &self.vary.0 {
+                if !matches!(variation, Variation::Range(_)) && variation.labels().is_empty() {
+                    let reason =
+                        "the variation has no value, so that the study has no member".into();
+                    let remedy = "add values, or remove the field";
+                    found.push(problem(&format!("vary.{name}"), "empty", reason, remedy));
+                }
+            }
+        }
         of_the_sample(self, &mut found);
         for (name, output) in &self.outputs.0 {
             output.problems(&format!("outputs.{name}"), &mut found);
@@ -344,7 +354,7 @@ impl Study {
             self.reference_problems(&path, reference, output.over.is_some(), &mut found);
         }
         if let Some(formula) = &self.sound {
-            check_formula("sound", formula, &mut found);
+            check_condition("sound", formula, &mut found);
         }
         if let Some(name) = &self.error
             && !self.reference.contains_key(name)
@@ -516,6 +526,20 @@ pub(crate) fn check_formula(path: &str, formula: &str, found: &mut Vec<Problem>)
     if let Err(error) = expression::evaluate(formula, &|_| Some(1.0)) {
         let remedy = "write numbers, names, + - * / ^ and brackets";
         let reason = error.to_string();
+        found.push(problem(path, &expression::excerpt(formula), reason, remedy));
+    }
+}
+
+/// Adds a problem if a formula cannot be read, or compares nothing: a number is almost never exactly 0, so that it would
+/// count as true.
+pub(crate) fn check_condition(path: &str, formula: &str, found: &mut Vec<Problem>) {
+    let before = found.len();
+    check_formula(path, formula, found);
+    if found.len() == before && !formula.contains(['<', '>']) {
+        let reason =
+            "a condition needs a comparison: a number alone counts as true whenever it is above 0"
+                .into();
+        let remedy = "write for example speed > 1e-3";
         found.push(problem(path, &expression::excerpt(formula), reason, remedy));
     }
 }

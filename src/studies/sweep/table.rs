@@ -9,7 +9,7 @@ use analysis::measure::{MeasureError, Profile};
 use base::error::Severity;
 use io::csv::push_line;
 use serde_json::Value;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -152,6 +152,14 @@ impl SweepTable {
         text
     }
 
+    /// Returns the names of the outputs with a reference of 0, whose errors are absolute.
+    fn absolute(&self) -> BTreeSet<&str> {
+        let errors = self.rows.iter().flat_map(|row| &row.errors);
+        let zero =
+            errors.filter(|(_, (reference, error))| *reference == Some(0.0) && error.is_some());
+        zero.map(|(name, _)| name.as_str()).collect()
+    }
+
     /// Returns the number of members with each outcome, and the Pareto set of error and time.
     #[must_use]
     pub fn summary(&self, members: &[Member]) -> String {
@@ -182,6 +190,13 @@ impl SweepTable {
                 text,
                 "{error:10.3e} {time:10.3e} {memory:9.1}  {}",
                 member.name
+            );
+        }
+        for name in self.absolute() {
+            let _ = writeln!(
+                text,
+                "the errors of {name} are absolute, in its unit, where its reference is 0; they count beside relative \
+                 ones in the error of a member"
             );
         }
         for (member, row) in members.iter().zip(&self.rows) {
@@ -274,6 +289,15 @@ impl MemberRow {
             let found = found
                 .map_err(|why| self.add_note(&format!("{name}: {why}")))
                 .ok();
+            let found = found.filter(|found| match found {
+                ReadOutput::Number(number) if !number.is_finite() => {
+                    self.add_note(&format!(
+                        "{name}: the value is {number}, which is no finite number"
+                    ));
+                    false
+                }
+                _ => true,
+            });
             if let Some(ReadOutput::Number(number)) = &found {
                 named.insert(name, *number);
             }

@@ -3,7 +3,7 @@
 use crate::section::{Section, Tolerance};
 use crate::sweep::problems::problem;
 use crate::sweep::study::{
-    Cost, Ordered, Output, Refused, Run, Study, Variation, check_formula, read_document,
+    Cost, Ordered, Output, Refused, Run, Study, Variation, check_condition, read_document,
 };
 use base::error::Problem;
 use case::check;
@@ -175,7 +175,7 @@ impl ThresholdStudy {
                 ));
             }
         }
-        check_formula("criterion", &self.criterion, &mut found);
+        check_condition("criterion", &self.criterion, &mut found);
         found
     }
 }
