@@ -221,7 +221,22 @@ pub fn points_of(cohesion: &CohesionReport, points: Points, stress: Stress) -> V
 }
 
 fn read_run(folder: &Path, warnings: &mut Vec<String>) -> Result<RunReport, Error> {
-    let records = read_rows::<ErosionRecord>(&folder.join("erosion.csv"), |row| row.step)?;
+    let table = folder.join("erosion.csv");
+    if !table.exists() {
+        return Err(Error::Io(if folder.is_dir() {
+            format!(
+                "{}: the run has no erosion.csv, which a case with `analysis.erosion_law` writes; add it to the case and \
+                 run it again",
+                folder.display()
+            )
+        } else {
+            format!(
+                "{}: there is no such folder; name the folder of a run with its erosion.csv",
+                folder.display()
+            )
+        }));
+    }
+    let records = read_rows::<ErosionRecord>(&table, |row| row.step)?;
     let removed = folder.join("removed.csv");
     let removed = if removed.is_file() {
         read_rows::<RemovedGrain>(&removed, |row| row.id)?

@@ -187,6 +187,8 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
             "contains no grains.xmf, blocks.xmf or fluid.xmf with outputs",
         ));
     };
+    check_water(request, fluid.is_some(), run)?;
+    check_grains(request, [grains.is_some(), blocks.is_some()], run)?;
     let moments: Vec<OutputTime> = clock.moments().collect();
     let chosen = choose(&moments, &request.times);
     let ground = Rc::new(
@@ -253,12 +255,67 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
     Ok(format!("wrote {}", output.display()))
 }
 
+/// Refuses options that need water or space which the run does not have.
+fn check_water(request: &PictureOptions, water: bool, run: &Path) -> Result<(), Error> {
+    let needs = [
+        ("--field", request.field.is_some()),
+        ("--streamlines", request.streamlines),
+        ("--flow-net", request.flow_net.is_some()),
+    ];
+    if let Some((option, _)) = needs.iter().find(|(_, given)| *given && !water) {
+        return Err(Error::Usage(format!(
+            "{option}: {} contains no fluid.xmf with outputs of the water; omit the option, or set output.fluid and run \
+             the case again",
+            run.display()
+        )));
+    }
+    if request.section.is_some() && size_of_case(run).is_some_and(|size| size.len() == 2) {
+        return Err(Error::Usage(format!(
+            "--section: the run in {} is plane, so that there is nothing to cut; omit the option",
+            run.display()
+        )));
+    }
+    Ok(())
+}
+
+/// Refuses options that need grains or blocks which the run does not have.
+fn check_grains(
+    request: &PictureOptions,
+    [grains, blocks]: [bool; 2],
+    run: &Path,
+) -> Result<(), Error> {
+    let needs = [
+        (
+            "--arrows",
+            request.arrows.is_some() && !grains,
+            "grains.xmf",
+        ),
+        (
+            "--colour",
+            request.colour.is_some() && !grains && !blocks,
+            "grains.xmf or blocks.xmf",
+        ),
+    ];
+    match needs.iter().find(|(_, missing, _)| *missing) {
+        None => Ok(()),
+        Some((option, _, file)) => Err(Error::Usage(format!(
+            "{option}: {} contains no {file} with outputs; omit the option",
+            run.display()
+        ))),
+    }
+}
+
 fn failed(path: &Path, reason: impl std::fmt::Display) -> Error {
     Error::Io(format!("{}: {reason}", path.display()))
 }
 
 /// Returns the size of the domain of a run in three dimensions from its case; `None` if there is none.
 fn domain_of(run: &Path) -> Option<[f64; 3]> {
+    size_of_case(run)?.try_into().ok()
+}
+
+/// Returns the size of the domain of a run from its case.
+fn size_of_case(run: &Path) -> Option<Vec<f64>> {
     let text = io::plain::text(&run.join("case.json"), io::plain::LONGEST_CASE).ok()?;
     let case: serde_json::Value = serde_json::from_str(&text).ok()?;
     let size = &case["domain"]["size"];

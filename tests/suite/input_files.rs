@@ -844,6 +844,36 @@ fn a_picture_shows_a_field_that_is_written() {
         2,
         "has no velocity",
     );
+    // Options for what a run does not have are no pictures without it.
+    let name = grains.to_str().unwrap();
+    for (options, reason) in [
+        (&["--field", "head"][..], "--field: "),
+        (&["--streamlines"][..], "--streamlines: "),
+        (&["--flow-net", "5"][..], "--flow-net: "),
+    ] {
+        let done = solver(&[&["picture", name], options].concat());
+        let told = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert_eq!(done.status.code(), Some(2), "{told}");
+        assert!(
+            told.contains(reason) && told.contains("no fluid.xmf"),
+            "{told}"
+        );
+    }
+    let flow = flow.to_str().unwrap();
+    ends(&["picture", flow, "--section", "z=0.1"], 2, "the run in");
+    ends(
+        &["picture", flow, "--arrows", "velocity"],
+        2,
+        "no grains.xmf",
+    );
+    ends(&["erosion-law", name], 5, "analysis.erosion_law");
+    ends(&["erosion-law", "nowhere"], 5, "there is no such folder");
+    let case = folder.path().join("collision.json");
+    ends(
+        &["plan", case.to_str().unwrap(), "--pilot"],
+        3,
+        "fluid.lattice_boltzmann = missing: a pilot",
+    );
 }
 
 /// Checks that the walls of a run in space are written as surfaces: two polygons, and two planes on faces of the domain

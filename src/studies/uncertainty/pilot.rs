@@ -39,10 +39,10 @@ pub fn command(
     enough_cores(run)?;
     if plan.scene.flow.is_none() {
         return Err(Error::Case(vec![Problem::error(
-            "fluid",
-            String::new(),
+            "fluid.lattice_boltzmann",
+            "missing",
             "a pilot measures water on a lattice, and this case has none",
-            "run the case itself",
+            "run the case itself, without --pilot",
         )]));
     }
     let Some((chosen, ratio)) = coarse(plan)? else {
