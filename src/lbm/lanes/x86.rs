@@ -4,7 +4,10 @@
 
 use super::{Add, Div, Lanes, Memory, Mul, Sub};
 use crate::vectors::{memory, vector_lanes};
-#[allow(clippy::wildcard_imports, reason = "intrinsics have names of their own")]
+#[allow(
+    clippy::wildcard_imports,
+    reason = "intrinsics have names of their own"
+)]
 use std::arch::x86_64::*;
 
 /// Four lanes in an AVX2 register.

@@ -5,7 +5,10 @@
 use crate::lanes::{Lanes, Memory};
 use crate::vectors::vector_lanes;
 use base::number::single;
-#[allow(clippy::wildcard_imports, reason = "intrinsics have names of their own")]
+#[allow(
+    clippy::wildcard_imports,
+    reason = "intrinsics have names of their own"
+)]
 use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Sub};
 
