@@ -167,11 +167,18 @@ impl StructureFoot {
     #[must_use]
     pub fn given(&self, [left, returned]: [i64; 2]) -> i64 {
         if self.wall_moves {
-            2 * left
+            bounded_sum(left, left)
         } else {
-            left + returned
+            bounded_sum(left, returned)
         }
     }
+}
+
+/// Returns the sum of two values in quanta, bounded as each of them: those of a run that diverges fill the range, and
+/// the guards look at it only now and then.
+#[must_use]
+pub fn bounded_sum(a: i64, b: i64) -> i64 {
+    a.saturating_add(b).max(-i64::MAX)
 }
 
 /// Momentum that a body received in a step at a link through a face.
@@ -288,5 +295,22 @@ impl<S: Stored> Term<S> for ClosedCells {
     }
     fn runs_on_gpu(&self) -> bool {
         self.is_empty()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::bounded_sum;
+    use crate::quanta::quanta;
+
+    /// Checks that the momentum along a link of a run that has diverged can be added and turned round.
+    #[test]
+    fn momenta_of_a_run_that_diverges_stay_in_range() {
+        let [most, least] = [1e300, -1e300].map(quanta);
+        for (a, b) in [(most, most), (least, least), (most, least)] {
+            let sum = bounded_sum(a, b);
+            assert_eq!(sum.checked_neg(), Some(-sum));
+        }
+        assert_eq!(bounded_sum(3, -5), -2);
     }
 }

@@ -16,7 +16,7 @@ use super::{BodyLink, Load, Rigid, add_force, surface_velocity};
 use crate::lanes::Stored;
 use crate::populations::{Link, Populations};
 use crate::quanta::quanta;
-use crate::term::{FootAxes, FootLoad};
+use crate::term::{FootAxes, FootLoad, bounded_sum};
 
 /// Link through a face at the foot of a body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -85,7 +85,7 @@ impl CornerLink {
         load: &mut Load,
     ) -> [i64; 3] {
         let returned = populations.numbers()[self.link.incoming(populations.parity())].to_f64();
-        let both = i64::from(self.along) * (quanta(self.left) + quanta(returned));
+        let both = i64::from(self.along) * bounded_sum(quanta(self.left), quanta(returned));
         let mut force = [0; 3];
         force[self.axis] = if self.receives { both } else { -both };
         add_force::<D>(load, force, self.middle);
@@ -118,7 +118,10 @@ pub fn load_feet<S: Stored, const D: usize>(
         );
         let left = numbers[link.out(parity)].to_f64();
         let along = if foot.both {
-            quanta(left) + quanta(numbers[link.incoming(parity)].to_f64())
+            bounded_sum(
+                quanta(left),
+                quanta(numbers[link.incoming(parity)].to_f64()),
+            )
         } else {
             let r = std::array::from_fn(|a| 0.5 * f64::from(middle[a]) - motion.position[a]);
             let u = surface_velocity::<D>(motion, r);
