@@ -5,7 +5,6 @@
 //! has its own sums, in the order of the directions, so that the bits do not depend on the batches.
 
 use super::facet::Facets;
-use super::friction::Thin;
 use super::lists::Plane;
 use super::positions::{MOST, Positions, Values};
 use super::stencil::{Numbers, Stencil};
@@ -16,6 +15,11 @@ use base::thread_pool;
 
 /// Minimum number of batches per thread.
 const BATCHES_PER_THREAD: usize = 16;
+
+/// Cells of a batch that may contain a film, one bit each.
+type Thin = u32;
+
+const _: () = assert!(MOST <= Thin::BITS as usize);
 
 /// Batch of interface cells, in the order of their positions.
 #[derive(Clone, Debug, Default)]

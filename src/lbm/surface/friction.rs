@@ -2,15 +2,15 @@
 //!
 //! The links of an interface cell to the gas carry no shear, and those to the wall act on the momentum of a whole cell.
 //! A film of any thickness would therefore move like one that fills its cell. Under a force g along the wall that film
-//! has the velocity g/(K ν) in the centre of the cell, with K = 8/3 in the exact parabola (TRT with a magic parameter of
-//! 3/16; up to 4 with BGK); a film of thickness d has
-//! the mean velocity g d²/(3 ν) (W. Nusselt, Z. VDI 60 (1916) 541). The difference is a force of the wall per mass,
+//! has the velocity g/(K ν) in the centre of the cell, with K = 8/3 in the exact parabola (TRT with a magic parameter
+//! of 3/16; up to 4 with BGK); a film of thickness d has the mean velocity g d²/(3 ν) (W. Nusselt, Z. VDI 60 (1916)
+//! 541). The difference is a force of the wall per mass,
 //!
 //! F = -κ u,  κ = ν (3/d² - K),
 //!
 //! which acts at the end of the step on the components along the wall. It is implicit, u' = u/(1 + κ), and stable for
-//! any κ. The thickness is the fill level. The wall carries the film ([`super::film`]), and the cell has gas opposite the
-//! wall and no liquid next to it.
+//! any κ. The thickness is the fill level. The wall carries the film ([`super::film`]), and the cell has gas opposite
+//! the wall and no liquid next to it.
 //!
 //! Only faces of the domain brake. Structures have steps on the lattice, so that the fill level of a cell is not the
 //! thickness of the film on an inclined surface.
@@ -19,7 +19,6 @@ use super::batch::{Batch, each_part};
 use super::cells::Cells;
 use super::film::heavy;
 use super::kind::{GAS, SURFACE};
-use super::positions::MOST;
 use super::stencil::{Numbers, Stencil};
 use crate::lanes::Stored;
 use crate::lattice::Lattice;
@@ -32,11 +31,6 @@ const OF_CELL: f64 = 8.0 / 3.0;
 
 /// Minimum thickness in cells: water below it is given to the cells around it.
 const THINNEST: f64 = 0.2;
-
-/// Cells of a batch that may contain a film, one bit each.
-pub(super) type Thin = u32;
-
-const _: () = assert!(MOST <= Thin::BITS as usize);
 
 /// Walls and conditions of films.
 #[derive(Default)]
