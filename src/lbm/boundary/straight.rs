@@ -28,6 +28,15 @@ impl StraightLinks {
         kinds.iter().position(of_link).map(|kind| KINDS[kind])
     }
 
+    /// Returns the links at surfaces of a kind, by position of the cell and direction, in no order.
+    pub fn at(&self, surface: SurfaceKind) -> impl Iterator<Item = (u32, u8)> + '_ {
+        self.by_cell.keys().flat_map(move |&cell| {
+            let links = self.of_cell(cell);
+            let here = links.filter(move |(_, kind)| *kind == surface);
+            here.map(move |(direction, _)| (cell, direction))
+        })
+    }
+
     /// Returns the links of a cell, given by its position: directions and surfaces.
     pub fn of_cell(&self, cell: u32) -> impl Iterator<Item = (u8, SurfaceKind)> + '_ {
         let kinds = self.by_cell.get(&cell).into_iter();

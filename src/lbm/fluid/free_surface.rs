@@ -1,7 +1,7 @@
 //! Free surface of a fluid ([`crate::surface`]).
 
 use super::Fluid;
-use crate::boundary::OutsideOfPatch;
+use crate::boundary::{OutsideOfPatch, SurfaceKind};
 use crate::error::FluidError;
 use crate::lanes::Stored;
 use crate::populations::Populations;
@@ -19,7 +19,8 @@ impl<S: Stored> Fluid<S> {
             .map_err(FluidError::Surface)?;
         surface.open(self.openings());
         surface.set_mirrored(self.boundaries.mirrored_cells(&self.populations));
-        surface.set_walls(self.boundaries.straight_links(&self.populations, false));
+        let faces = self.boundaries.straight_links(&self.populations, false);
+        surface.set_walls(faces.at(SurfaceKind::Wall).collect());
         self.surface = Some(Box::new(surface));
         Ok(())
     }
