@@ -174,8 +174,8 @@ impl StructureFoot {
     }
 }
 
-/// Returns the sum of two values in quanta, bounded as each of them: those of a run that diverges fill the range, and
-/// the guards look at it only now and then.
+/// Returns the sum of two values in quanta, bounded as each of them: those of a run that diverges fill the range until
+/// its guards stop it.
 #[must_use]
 pub fn bounded_sum(a: i64, b: i64) -> i64 {
     a.saturating_add(b).max(-i64::MAX)

@@ -310,9 +310,9 @@ impl BondRelaxation {
         }
     }
 
-    /// Runs damped steps until the grains are stationary and no bond is overloaded. `save` is called at each request and may end the run with
-    /// an error. Returns a line to print and the entry of the summary, in which `breaks` lists the bonds that broke as
-    /// [`EarlyBreak`]. Collective.
+    /// Runs damped steps until the grains are stationary and no bond is overloaded. `save` is called at each
+    /// request and may end the run with an error. Returns a line to print and the entry of the summary, in which
+    /// `breaks` lists the bonds that broke as [`EarlyBreak`]. Collective.
     ///
     /// # Errors
     /// If [`Dem::advance`] or `save` fails.

@@ -41,8 +41,8 @@ fn heads_of_a_pipe_are_the_same_bits_on_ranks_and_threads_and_after_a_restart() 
 }
 
 /// Standard dike of a published comparison: the rule without its regression of d70 gives 10.29 m, a finite-element
-/// program of the same model 11.3 m in steps of 0.1 m. That program lies 9 to 20 % above this value in all its rows. The
-/// published rule is lower by (2.08/3)^0.6; it is the same for both diameters of the equilibrium.
+/// program of the same model 11.3 m in steps of 0.1 m. That program lies 9 to 20 % above this value in all its
+/// rows. The published rule is lower by (2.08/3)^0.6; it is the same for both diameters of the equilibrium.
 #[test]
 fn the_head_of_the_standard_dike_is_that_of_the_published_model() {
     let _beside = beside_others();

@@ -29,7 +29,7 @@ impl StraightLinks {
     }
 
     /// Returns the links at surfaces of a kind, by position of the cell and direction, in no order.
-    pub fn at(&self, surface: SurfaceKind) -> impl Iterator<Item = (u32, u8)> + '_ {
+    pub fn links_at(&self, surface: SurfaceKind) -> impl Iterator<Item = (u32, u8)> + '_ {
         self.by_cell.keys().flat_map(move |&cell| {
             let links = self.of_cell(cell);
             let here = links.filter(move |(_, kind)| *kind == surface);

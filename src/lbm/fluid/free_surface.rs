@@ -20,7 +20,7 @@ impl<S: Stored> Fluid<S> {
         surface.open(self.openings());
         surface.set_mirrored(self.boundaries.mirrored_cells(&self.populations));
         let faces = self.boundaries.straight_links(&self.populations, false);
-        surface.set_walls(faces.at(SurfaceKind::Wall).collect());
+        surface.set_walls(faces.links_at(SurfaceKind::Wall).collect());
         self.surface = Some(Box::new(surface));
         Ok(())
     }

@@ -8,16 +8,18 @@
 //! |---|---|---|
 //! | stream | as set by the boundary: half-way bounce-back with a velocity | [`crate::boundary::velocity`] |
 //! | discharge | g*_i + 6 w_i (c_i·n) Q/A, A the wet area of the face | Ladd 1994 |
-//! | level | w_i (ρ_w + (1 + ρ_w) (9/2 (c·u)² - 3/2 u² - 3 c·u) + 3/2 c·F), the equilibrium of water outside | A. A. Mohamad, S. Succi, Eur. Phys. J. Special Topics 171 (2009) |
+//! | level | w_i (ρ_w + (1 + ρ_w) (9/2 (c·u)² - 3/2 u² - 3 c·u) + 3/2 c·F) | Mohamad and Succi 2009 |
 //! | air | 2 w_i (9/2 (c·u)² - 3/2 u²) - g*_i, the pressure of the gas as at the surface | [`super::facet`] |
 //!
-//! At a level ρ_w is that of the depth of the centre of the cell below it. Water that leaves has the velocity u outside
-//! too. Water that enters comes from rest (Bernoulli): it has its component across the face alone, and ρ_w is lower by
-//! 3/2 (u_n² - U²), with the mean speed U of the water that enters through the whole opening, 0 if more leaves. So the
-//! level is that at the face, and an eddy that draws water in gets no energy from outside. The cells at the face are
-//! set to their equilibrium in every step, a relaxation rate of one. A law that reflects what leaves, such as that of
-//! [`crate::boundary::pressure`], returns noise with a change of sign, and failed from cell Reynolds numbers of 12 to
-//! 40 on (`benches/stability/culverts.csv`). No water enters from air: a cell with inflow bounces back.
+//! At a level the law is the equilibrium of the water outside (A. A. Mohamad, S. Succi, Eur. Phys. J. Special
+//! Topics 171 (2009) 213). ρ_w is that of the depth of the centre of the cell below it. Water that leaves has the
+//! velocity u outside too. Water that enters comes from rest (Bernoulli): it has its component across the face
+//! alone, and ρ_w is lower by 3/2 (u_n² - U²), with the mean speed U of the water that enters through the whole
+//! opening, 0 if more leaves. So the level is that at the face, and an eddy that draws water in gets no energy from
+//! outside. The cells at the face are set to their equilibrium in every step, a relaxation rate of one. A law that
+//! reflects what leaves, such as that of [`crate::boundary::pressure`], returns noise with a change of sign, and
+//! failed from cell Reynolds numbers of 12 to 40 on (`benches/stability/culverts.csv`). No water enters from air: a
+//! cell with inflow bounces back.
 //!
 //! **Mass.** A liquid cell gains the sum over its links of the entering minus the leaving populations; an interface
 //! cell gains this sum times the wet fraction of the face. This fraction is 1 for inflow from a stream, the larger

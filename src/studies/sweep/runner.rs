@@ -94,8 +94,8 @@ fn remove_rank_variables(command: &mut Command) -> &mut Command {
 impl<'a> Runner<'a> {
     /// Creates the output folder and registers signal handlers. Unstable members run if this is allowed.
     ///
-    /// # Errors
-    /// If the folder holds a run ([`Error::Usage`]), if it cannot be created ([`Error::Io`]), or if signals cannot be caught ([`Error::Internal`]).
+    /// # Errors If the folder holds a run ([`Error::Usage`]), if it cannot be created ([`Error::Io`]), or if
+    /// signals cannot be caught ([`Error::Internal`]).
     pub fn new(
         run: &'a Run,
         allow_unstable: bool,

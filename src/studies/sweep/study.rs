@@ -530,8 +530,8 @@ pub(crate) fn check_formula(path: &str, formula: &str, found: &mut Vec<Problem>)
     }
 }
 
-/// Adds a problem if a formula cannot be read, or compares nothing: a number is almost never exactly 0, so that it would
-/// count as true.
+/// Adds a problem if a formula cannot be read, or compares nothing: a number is almost never exactly 0, so that it
+/// would count as true.
 pub(crate) fn check_condition(path: &str, formula: &str, found: &mut Vec<Problem>) {
     let before = found.len();
     check_formula(path, formula, found);
