@@ -13,9 +13,11 @@
 //! | `ahead` | loads for bodies that another program moves |
 //! | `pairs` | one pair: separation, action of the law |
 //! | `facets` | contacts with walls of facets |
+//! | `near_facets` | search for the facets near grains |
 //! | `flush` | walls in one plane |
 //! | `parts` | forces and motion of spheres, by threads |
 //! | `blocks` | bodies that are polyhedra |
+//! | `keys` | keys of contacts |
 //! | `histories` | contact histories between lists and runs |
 //! | `rebuild` | grains and histories sent to the owners of the grains, then ghosts and lists |
 //! | `bond_events` | bonds made, failed and removed |
@@ -30,7 +32,9 @@ mod drive;
 mod facets;
 mod flush;
 mod histories;
+mod keys;
 mod lists;
+mod near_facets;
 mod pairs;
 mod parts;
 pub(super) mod rebuild;
@@ -50,8 +54,8 @@ use base::error::Error;
 use bodies::Bodies;
 use decomposition::Domain;
 use facets::Facets;
-pub(super) use histories::{Key, WallKey};
-use lists::{Pair, WallPair};
+pub(super) use keys::{Key, WallKey};
+use pairs::{Pair, WallPair};
 use parts::Parts;
 use std::marker::PhantomData;
 

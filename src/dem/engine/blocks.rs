@@ -11,7 +11,7 @@ mod pose;
 
 use super::bodies::Bodies;
 use super::facets::{AtFacets, Held};
-use super::lists::{Pair, WallPair};
+use super::pairs::{Pair, WallPair};
 use super::pairs::{act_at_plane, dry};
 use super::{Action, Engine};
 use crate::contact::blocks::{BlockConstants, BlockLaw, BlockScale};

@@ -4,7 +4,7 @@
 
 use super::Engine;
 use super::facets::AtFacets;
-use super::lists::{Pair, WallPair};
+use super::pairs::{Pair, WallPair};
 use crate::contact::ContactLaw;
 use crate::integrate::{self, Fastest, Kick, Phase};
 use crate::particles::{Particles, SPHERE};

@@ -5,8 +5,6 @@
 //! plane the first acts. A contact of a sphere with a facet in the direction of an equally near plane does not
 //! count, nor does one with an edge or a vertex on the plane, as at the foot of a ramp.
 
-use super::Engine;
-use super::bodies::Bodies;
 use crate::space::{Components, Space};
 use crate::surface::{FacetSurface, Nearest};
 use crate::walls::Wall;
@@ -78,15 +76,14 @@ pub(super) fn drop_doubled_by_planes<S: Space>(
     });
 }
 
-impl<S: Space, L: Bodies<S>> Engine<S, L> {
-    /// Returns `true` if a plane wall before `wall` lies in the same plane and moves with it.
-    pub(super) fn repeats_a_plane(&self, wall: usize) -> bool {
-        let one = &self.walls[wall];
-        let along = |plane: &Wall<S>| plane.normal.scalar(&plane.drift());
-        planes(&self.walls[..wall]).any(|plane| {
-            plane.normal.scalar(&one.normal) > 1.0 - 1e-12
-                && plane.distance(&one.point).abs() <= IN_PLANE * self.settings.skin
-                && along(plane) - along(one) == 0.0
-        })
-    }
+/// Returns `true` if a plane wall before `wall` lies in the same plane, up to a fraction of the skin \[m\], and moves
+/// with it.
+pub(super) fn repeats_a_plane<S: Space>(walls: &[Wall<S>], wall: usize, skin: f64) -> bool {
+    let one = &walls[wall];
+    let along = |plane: &Wall<S>| plane.normal.scalar(&plane.drift());
+    planes(&walls[..wall]).any(|plane| {
+        plane.normal.scalar(&one.normal) > 1.0 - 1e-12
+            && plane.distance(&one.point).abs() <= IN_PLANE * skin
+            && along(plane) - along(one) == 0.0
+    })
 }

@@ -6,7 +6,7 @@
 use super::Engine;
 use super::bodies::Bodies;
 use super::facets::Facets;
-use super::pairs::key;
+use super::keys::{Key, WallKey, key};
 use crate::contact::ContactLaw;
 use crate::message::{Reader, Writer};
 use crate::neighbors::threads_for;
@@ -14,24 +14,6 @@ use crate::space::Space;
 use base::error::Error;
 use base::thread_pool;
 use std::ops::Range;
-
-/// Key of a contact at a wall.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) struct WallKey {
-    /// Id of the grain.
-    pub(crate) grain: u64,
-    pub(crate) wall: u32,
-    /// Facet of the wall; 0 for a plane.
-    pub(crate) facet: u32,
-}
-
-/// Key of a contact: ids, and the offset in periods of the second raw position from the first.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) struct Key {
-    pub(crate) first: u64,
-    pub(crate) second: u64,
-    pub(crate) shift: [i32; 3],
-}
 
 /// Search for histories of pairs that are requested in ascending order of their first ids.
 #[derive(Debug, Default)]

@@ -7,8 +7,10 @@
 
 use super::Engine;
 use super::bodies::Bodies;
-use super::histories::{self, WallKey};
-use super::pairs::{at_wall, effective_mass, key, rolling_inertia, separation};
+use super::flush::repeats_a_plane;
+use super::histories::Cursor;
+use super::keys::{WallKey, key};
+use super::pairs::{Pair, WallPair, at_wall, effective_mass, rolling_inertia, separation};
 use crate::contact::PairProperties;
 use crate::ghosts;
 use crate::neighbors::{Search, threads_for};
@@ -16,43 +18,8 @@ use crate::particles::Particles;
 use crate::space::{Components, Space};
 use crate::walls::Wall;
 use base::thread_pool;
-use histories::Cursor;
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
-
-/// Listed pair, lower id first. Reading these dominates the time of a step: 64 bytes in the linear law.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Pair<C, M> {
-    pub(super) first: u32,
-    pub(super) second: u32,
-    /// Sum of the radii \[m\].
-    pub(super) reach: f64,
-    /// Radius of the first body \[m\].
-    pub(super) radius: f64,
-    /// Index in the table of material pairs.
-    pub(super) row: u32,
-    /// Index in the table of separation offsets.
-    pub(super) offset: u32,
-    pub(super) scale: C,
-    pub(super) history: M,
-}
-
-impl<C, M> Pair<C, M> {
-    #[inline(always)]
-    pub(super) fn ends(&self) -> (usize, usize) {
-        (self.first as usize, self.second as usize)
-    }
-}
-
-/// Listed pair of a wall and an owned grain.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct WallPair<C, M> {
-    pub(super) wall: u32,
-    pub(super) grain: u32,
-    pub(super) radius: f64,
-    pub(super) constants: C,
-    pub(super) history: M,
-}
 
 /// Offsets that periodic axes add to the separations of pairs.
 ///
@@ -184,7 +151,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         let walls = self.walls.iter().enumerate();
         let planes: Vec<(usize, &Wall<S>)> = walls
             .filter(|(_, wall)| !wall.open && wall.surface.is_none())
-            .filter(|(w, _)| !self.repeats_a_plane(*w))
+            .filter(|(w, _)| !repeats_a_plane(&self.walls, *w, self.settings.skin))
             .collect();
         found.resize_with(threads, Vec::new);
         thread_pool::each_item(&mut found, 1, |thread, found| {

@@ -1,7 +1,5 @@
 //! Single pairs: keys, masses, separations measured in blocks, and the action of the law.
 
-use super::histories::Key;
-use super::lists::{Pair, WallPair};
 use super::{Action, WallFailure};
 use crate::contact::{ContactKinematics, ContactLaw, Failure, PairProperties, PairTable};
 use crate::deepest::{Partner, Record};
@@ -9,12 +7,38 @@ use crate::particles::{Body, Load, Motion, ParticlesView};
 use crate::space::{Components, Space};
 use crate::walls::Wall;
 
-pub(super) fn key(first: (u64, [i32; 3]), second: (u64, [i32; 3])) -> Key {
-    Key {
-        first: first.0,
-        second: second.0,
-        shift: std::array::from_fn(|axis| second.1[axis] - first.1[axis]),
+/// Listed pair, lower id first. Reading these dominates the time of a step: 64 bytes in the linear law.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Pair<C, M> {
+    pub(super) first: u32,
+    pub(super) second: u32,
+    /// Sum of the radii \[m\].
+    pub(super) reach: f64,
+    /// Radius of the first body \[m\].
+    pub(super) radius: f64,
+    /// Index in the table of material pairs.
+    pub(super) row: u32,
+    /// Index in the table of separation offsets.
+    pub(super) offset: u32,
+    pub(super) scale: C,
+    pub(super) history: M,
+}
+
+impl<C, M> Pair<C, M> {
+    #[inline(always)]
+    pub(super) fn ends(&self) -> (usize, usize) {
+        (self.first as usize, self.second as usize)
     }
+}
+
+/// Listed pair of a wall and an owned grain.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct WallPair<C, M> {
+    pub(super) wall: u32,
+    pub(super) grain: u32,
+    pub(super) radius: f64,
+    pub(super) constants: C,
+    pub(super) history: M,
 }
 
 pub(super) fn effective_mass<S: Space>(
