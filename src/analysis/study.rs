@@ -225,8 +225,8 @@ fn read_run(folder: &Path, warnings: &mut Vec<String>) -> Result<RunReport, Erro
     if !table.exists() {
         return Err(Error::Io(if folder.is_dir() {
             format!(
-                "{}: the run has no erosion.csv, which a case with `analysis.erosion_law` writes; add it to the case and \
-                 run it again",
+                "{}: the run has no erosion.csv, which a case with `analysis.erosion_law` writes; add it to the case \
+                 and run it again",
                 folder.display()
             )
         } else {

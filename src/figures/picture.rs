@@ -11,6 +11,7 @@ mod columns;
 mod cuts;
 mod faces;
 mod flow_net;
+mod needs;
 mod overlays;
 mod raster;
 mod section;
@@ -31,6 +32,7 @@ use flow_net::{FlowNet, Ground};
 use io::OutputTime;
 use io::fields::{Values, read_column};
 use io::{Alone, Series};
+use needs::{check_grains, check_water};
 use overlays::{Arrows, Network};
 use raster::{Frame, Raster, byte};
 use section::Section;
@@ -253,56 +255,6 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
     let text = draw(&scenes, field.as_deref().unwrap_or_default(), request)?;
     io::atomic::write(&output, text.as_bytes()).map_err(|e| Error::Io(e.to_string()))?;
     Ok(format!("wrote {}", output.display()))
-}
-
-/// Refuses options that need water or space which the run does not have.
-fn check_water(request: &PictureOptions, water: bool, run: &Path) -> Result<(), Error> {
-    let needs = [
-        ("--field", request.field.is_some()),
-        ("--streamlines", request.streamlines),
-        ("--flow-net", request.flow_net.is_some()),
-    ];
-    if let Some((option, _)) = needs.iter().find(|(_, given)| *given && !water) {
-        return Err(Error::Usage(format!(
-            "{option}: {} contains no fluid.xmf with outputs of the water; omit the option, or set output.fluid and run \
-             the case again",
-            run.display()
-        )));
-    }
-    if request.section.is_some() && size_of_case(run).is_some_and(|size| size.len() == 2) {
-        return Err(Error::Usage(format!(
-            "--section: the run in {} is plane, so that there is nothing to cut; omit the option",
-            run.display()
-        )));
-    }
-    Ok(())
-}
-
-/// Refuses options that need grains or blocks which the run does not have.
-fn check_grains(
-    request: &PictureOptions,
-    [grains, blocks]: [bool; 2],
-    run: &Path,
-) -> Result<(), Error> {
-    let needs = [
-        (
-            "--arrows",
-            request.arrows.is_some() && !grains,
-            "grains.xmf",
-        ),
-        (
-            "--colour",
-            request.colour.is_some() && !grains && !blocks,
-            "grains.xmf or blocks.xmf",
-        ),
-    ];
-    match needs.iter().find(|(_, missing, _)| *missing) {
-        None => Ok(()),
-        Some((option, _, file)) => Err(Error::Usage(format!(
-            "{option}: {} contains no {file} with outputs; omit the option",
-            run.display()
-        ))),
-    }
 }
 
 fn failed(path: &Path, reason: impl std::fmt::Display) -> Error {

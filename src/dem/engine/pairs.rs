@@ -1,4 +1,4 @@
-//! Single pairs: keys, masses, separations measured in blocks, and the action of the law.
+//! Pairs of bodies: masses, separations measured in blocks, and the action of the law.
 
 use super::{Action, WallFailure};
 use crate::contact::{ContactKinematics, ContactLaw, Failure, PairProperties, PairTable};

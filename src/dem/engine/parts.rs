@@ -16,8 +16,7 @@
 
 use super::bodies::Bodies;
 use super::facets::Facets;
-use super::pairs::{BLOCK, Grains, Spans, act, act_at_plane};
-use super::pairs::{Pair, WallPair};
+use super::pairs::{BLOCK, Grains, Pair, Spans, WallPair, act, act_at_plane};
 use super::{Engine, WallFailure};
 use crate::contact::{ContactLaw, Failure, PairTable};
 use crate::deepest::Record;
