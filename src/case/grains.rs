@@ -30,9 +30,9 @@ pub struct Grains {
     /// `true` if contacts that exist after preparation and cutting are bonded. Contacts that form later are never
     /// bonded. Before time 0, what contacts connect to a wall or to a fixed or driven body then comes to rest under
     /// gravity, without the fluid, so that its bonds carry their load; a bond breaks there only if its load at rest
-    /// exceeds its strength. The run reports steps, broken bonds and grains that were held. Agglomerates, bodies
-    /// and grains that nothing supports keep their positions and velocities. Without gravity nothing is held:
-    /// samples come to equilibrium with their own contacts, and then have their velocities.
+    /// exceeds its strength. The run reports steps, broken bonds and grains that were held. Agglomerates, bodies and
+    /// grains that nothing supports keep their positions and velocities. Without gravity nothing is held: samples come
+    /// to equilibrium with their own contacts, and then have their velocities.
     #[serde(default)]
     pub bond_at_start: bool,
 }
