@@ -537,6 +537,7 @@ impl SlabSurface {
     ) {
         self.films.set_drive(half_force, viscosity);
         if self.unsettled {
+            self.calm(populations, half_force);
             self.settle(populations, false);
         }
         if self.bodies.is_some() {
@@ -669,8 +670,16 @@ impl SlabSurface {
                 populations,
                 exchange::fill_renewed(&mut self.cells, self.work.renewed(), populations)
             );
+            self.calm(populations, self.films.half_force());
             self.settle(populations, true);
             self.brake(populations);
+        }
+    }
+
+    /// Damps the water at openings with a level, for half of the body force.
+    fn calm<S: Stored>(&self, populations: &mut Populations<S>, half_force: [f64; 3]) {
+        for opening in &self.openings {
+            opening.calm(&self.cells, populations, half_force);
         }
     }
 

@@ -57,6 +57,11 @@ impl Films {
         self.walls = walls;
     }
 
+    /// Returns half of the body force of the last step.
+    pub(super) fn half_force(&self) -> [f64; 3] {
+        self.drive.0
+    }
+
     /// Sets half of the body force and the viscosity of a step.
     pub(super) fn set_drive(&mut self, half_force: [f64; 3], viscosity: f64) {
         self.drive = (half_force, viscosity);

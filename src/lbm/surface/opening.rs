@@ -264,31 +264,42 @@ impl Opening {
         self.last
     }
 
-    /// Stores the velocities of the water before a pass, and damps the water at a level.
-    pub(super) fn remember<S: Stored>(
-        &mut self,
+    /// Sets the wet cells at a level to their equilibrium, for half of the body force; density and momentum remain up to
+    /// rounding, so that this comes before the moments of cells are sent.
+    pub(super) fn calm<S: Stored>(
+        &self,
         cells: &Cells,
         populations: &mut Populations<S>,
         half_force: [f64; 3],
     ) {
+        if !matches!(self.outside, Outside::Level(_)) {
+            return;
+        }
+        let wet = |face: &&Face| is_wet(cells.kind[face.cell]);
+        for face in self.faces.iter().filter(wet) {
+            set_equilibrium(populations, face.cell, half_force);
+        }
+    }
+
+    /// Stores the velocities of the water before a pass.
+    pub(super) fn remember<S: Stored>(
+        &mut self,
+        cells: &Cells,
+        populations: &Populations<S>,
+        half_force: [f64; 3],
+    ) {
         self.half_force = half_force;
         self.wet = [0; 2];
-        let is_level = matches!(self.outside, Outside::Level(_));
         for face in &mut self.faces {
             if !is_wet(cells.kind[face.cell]) {
                 continue;
             }
             let (density, momentum) = populations.moments(face.cell);
-            face.velocity =
-                std::array::from_fn(|a| (momentum[a] + half_force[a]) / (1.0 + density));
-            if is_level {
-                let into = -self.outward * face.velocity[self.axis];
-                let part = cells.fill[face.cell].clamp(0.0, 1.0);
-                let area = part * face.area;
-                self.wet[0] += i128::from(quanta(area));
-                self.wet[1] += i128::from(quanta(area * into));
-                set_equilibrium(populations, face, density, momentum);
-            }
+            face.velocity = velocity(density, momentum, half_force);
+            let into = -self.outward * face.velocity[self.axis];
+            let area = cells.fill[face.cell].clamp(0.0, 1.0) * face.area;
+            self.wet[0] += i128::from(quanta(area));
+            self.wet[1] += i128::from(quanta(area * into));
         }
     }
 
@@ -534,18 +545,20 @@ impl Opening {
     }
 }
 
+/// Returns the velocity of water with a density and a momentum Σ c g before a collision, for half of the body force.
+fn velocity(density: f64, momentum: [f64; 3], half_force: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|a| (momentum[a] + half_force[a]) / (1.0 + density))
+}
+
 /// Replaces the populations that enter a cell by their equilibrium with the same density and momentum.
-fn set_equilibrium<S: Stored>(
-    populations: &mut Populations<S>,
-    face: &Face,
-    density: f64,
-    momentum: [f64; 3],
-) {
+fn set_equilibrium<S: Stored>(populations: &mut Populations<S>, cell: usize, half_force: [f64; 3]) {
+    let (density, momentum) = populations.moments(cell);
+    let velocity = velocity(density, momentum, half_force);
     for i in 0..populations.velocities().c.len() {
         let velocities = populations.velocities();
         let (w, c) = (velocities.w[i], velocities.c[i].map(f64::from));
-        let even = density + inertia(c, density, face.velocity);
-        let slot = populations.incoming(face.cell, i);
+        let even = density + inertia(c, density, velocity);
+        let slot = populations.incoming(cell, i);
         populations.numbers_mut()[slot] = S::from_f64(w * (even + 3.0 * dot(c, momentum)));
     }
 }
