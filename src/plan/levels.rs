@@ -10,13 +10,13 @@
 //! its direction for several such times, so that no sloshing adds up.
 //!
 //! **From one opening to another.** Water that stands higher at another opening, by d, runs to the lower level with
-//! up to (2 g d)^½, and leaves with the discharge Q of the narrowest passage over the wet area A of the opening: U =
-//! Q/A, at most (2 g d)^½. A column of a section passes at most a (2 g d)^½ per width through its open height a, and
-//! (2/3)^1.5 g^½ H^1.5, the critical flow, below the head H over its lowest open point: the first is the limit of a
-//! closed passage, the second that of a weir. `benches/stability/culverts.csv` has runs of culverts and open basins: the
-//! cell Reynolds number U h/ν separates them, the lattice velocity does not. With one rate and an eddy viscosity all
-//! runs up to a Froude number U/(g D)^½ of 0.14 finished, D the depth at the opening, and most of the others. The
-//! limits of the other operators are those of an earlier law of the opening, which reflected what left.
+//! up to (2 g d)^½, and leaves with the discharge Q of the narrowest passage over the wet area A of the opening: U
+//! = Q/A, at most (2 g d)^½. A column of a section passes at most a (2 g d)^½ per width through its open height a,
+//! and (2/3)^1.5 g^½ H^1.5, the critical flow, below the head H over its lowest open point: the first is the limit
+//! of a closed passage, the second that of a weir. `benches/stability/culverts.csv` has runs of culverts and open
+//! basins: the cell Reynolds number U h/ν separates them, the lattice velocity does not. With one rate and an eddy
+//! viscosity all runs up to a Froude number U/(g D)^½ of 0.14 finished, D the depth at the opening, and most of the
+//! others. The limits of the other operators are those of an earlier law of the opening, which reflected what left.
 
 use super::margin::{Margin, margin};
 use crate::scene::Scene;

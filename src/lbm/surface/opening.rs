@@ -264,8 +264,8 @@ impl Opening {
         self.last
     }
 
-    /// Sets the wet cells at a level to their equilibrium, for half of the body force; density and momentum remain up to
-    /// rounding, so that this comes before the moments of cells are sent.
+    /// Sets the wet cells at a level to their equilibrium, for half of the body force; density and momentum remain
+    /// up to rounding, so that this comes before the moments of cells are sent.
     pub(super) fn calm<S: Stored>(
         &self,
         cells: &Cells,
