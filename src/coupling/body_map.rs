@@ -8,7 +8,6 @@
 //! All geometry is computed in the frame of a body's raw position, so that all periodic images of a body have the same
 //! bits.
 
-mod feet;
 mod gaps;
 mod joint_cells;
 mod links;
@@ -23,7 +22,6 @@ use base::number::to_i32;
 use base::thread_pool;
 use dem::particles::{Motion, Particles};
 use dem::space::{Components, Space};
-use feet::AtFaces;
 pub use gaps::{GapVelocity, NarrowGaps};
 use joint_cells::JointCells;
 pub use joint_cells::{CellChange, JointLink};
@@ -34,7 +32,7 @@ use lbm::links::gaps::{BodyLinks, Gaps};
 use lbm::links::mirrored::MirroredLink;
 use lbm::links::{BODIES_PER_THREAD as PER_THREAD, CellPlane, Load, Rigid, add_force};
 use lbm::populations::Populations;
-use links::Direction;
+use links::{AtFaces, Direction};
 use lookup::{Found, Nearest};
 use nalgebra::Vector3;
 use owners::Settled;

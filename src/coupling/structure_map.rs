@@ -17,7 +17,7 @@ use feet::Foot;
 use lbm::boundary::FaceLoads;
 use lbm::fluid::Fluid;
 use lbm::lanes::Stored;
-use lbm::links::feet::AtStructure;
+use lbm::links::AtStructure;
 use lbm::links::fixed::{FixedLink, bounce_fixed};
 use lbm::links::gaps::Gaps;
 use lbm::links::mirrored::{MirroredLink, MirroredLoads, bounce_mirrored};

@@ -6,8 +6,7 @@
 //! counted once for each of its cells next to this cell. Bodies that move together with their fluid exert no force
 //! on it: the rule is Galilean invariant. Next to a structure or a wall of the domain the velocity is theirs.
 
-use super::feet::{CornerLink, FootLink, StructureCorner};
-use super::{BodyLink, Rigid, surface_velocity};
+use super::{BodyLink, CornerLink, FootLink, Rigid, StructureCorner, surface_velocity};
 use crate::boundary::FacePart;
 
 /// Body with cells next to a cell of a narrow gap.

@@ -11,7 +11,7 @@
 //! slab.
 //!
 //! The link lies in the corner between the plane and the body, which has the cell y next to the plane. As at the foot
-//! of a body on a wall ([`super::feet`]) its momentum acts on both: along the axes on which it crosses planes on
+//! of a body on a wall ([`super`]) its momentum acts on both: along the axes on which it crosses planes on
 //! these, along the others on the body. In water at rest the body then has the pressure on its sides and its top, and
 //! the plane that on its open cells. A link that meets a structure before the plane, with water in the cell behind,
 //! acts on the structure alone.
