@@ -1,6 +1,7 @@
 //! The plan as tables for a terminal.
 
 use super::estimate::size;
+use super::margin::Margin;
 use super::{Plan, envelope};
 use crate::scene::findings::number;
 use base::units::LatticeUnits;
@@ -47,10 +48,15 @@ impl Display for Plan {
         table(f, ["models", "chosen", "because"], rows)?;
         table(f, ["time and scales", "value", "unit"], self.scales())?;
         let binding = self.margins.iter().map(|m| m.used).fold(0.0, f64::max);
-        let rows = self.margins.iter().map(|m| {
+        let rows = tightest(&self.margins).into_iter().map(|(m, of)| {
             let mark = if m.used >= binding { " <- binds" } else { "" };
+            let among = if of > 1 {
+                format!(", the tightest of {of}")
+            } else {
+                String::new()
+            };
             [
-                m.limit.clone(),
+                format!("{}{among}", m.limit),
                 format!("{} of {}", number(m.value), number(m.allowed)),
                 format!("{:.0} %{mark}", 100.0 * m.used),
             ]
@@ -63,6 +69,25 @@ impl Display for Plan {
             .map(|(path, s)| [path.clone(), s.source.clone(), s.note.clone()]);
         table(f, ["values with a source", "from", "note"], rows)
     }
+}
+
+/// Returns the margin with the largest use among those of one limit, and their number, in the order of the limits. A
+/// limit of bodies has a margin for each of them.
+fn tightest(margins: &[Margin]) -> Vec<(&Margin, usize)> {
+    let mut limits: Vec<(&Margin, usize)> = Vec::new();
+    for margin in margins {
+        let same = |(other, _): &&mut (&Margin, usize)| other.limit == margin.limit;
+        match limits.iter_mut().find(same) {
+            Some((kept, of)) => {
+                *of += 1;
+                if margin.used > kept.used {
+                    *kept = margin;
+                }
+            }
+            None => limits.push((margin, 1)),
+        }
+    }
+    limits
 }
 
 impl Plan {
@@ -272,4 +297,26 @@ fn table(
         writeln!(f, "{}", format!("{x:a$}  {y:b$}  {z}").trim_end())?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::tightest;
+    use crate::margin::margin;
+
+    #[test]
+    fn a_limit_of_many_bodies_has_one_line() {
+        let of_bodies = |n: usize, cells: f64| {
+            margin("cells per diameter", 4.0, cells, &format!("bodies[{n}]"))
+        };
+        let margins = [
+            of_bodies(0, 20.0),
+            margin("density", 0.1, 0.2, "time.end"),
+            of_bodies(1, 5.0),
+            of_bodies(2, 9.0),
+        ];
+        let lines = tightest(&margins);
+        let lines: Vec<_> = lines.iter().map(|(m, of)| (m.path.as_str(), *of)).collect();
+        assert_eq!(lines, [("bodies[1]", 3), ("time.end", 1)]);
+    }
 }
