@@ -69,8 +69,8 @@ pub const MODELS: &[(&str, Models)] = &[
             ("outflow", &["lou2013", "kruger2017"]),
             ("convective_outflow", &["lou2013"]),
             ("discharge", &["ladd1994", "chow1959"]),
-            ("level", &["ginzburg2008"]),
-            ("outfall", &["bogner2015"]),
+            ("level", &["mohamad2009"]),
+            ("outfall", &["mohamad2009"]),
         ],
     ),
     (

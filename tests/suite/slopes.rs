@@ -32,7 +32,7 @@ fn stream(gravity_acts: &Value) -> Value {
 }
 
 /// Returns the values of a column of a table of a run.
-fn column(study: &Study, run: &str, table: &str, name: &str) -> Vec<f64> {
+pub(crate) fn column(study: &Study, run: &str, table: &str, name: &str) -> Vec<f64> {
     let text = std::fs::read_to_string(study.path(run).join(table)).unwrap();
     let mut lines = text.lines().filter(|line| !line.starts_with('#'));
     let place = lines.next().unwrap().split(',').position(|n| n == name);
