@@ -5,7 +5,7 @@ use super::carried;
 use super::cells::Cells;
 use super::cut;
 use super::facet::{Drive, Facet, Known, bounded};
-use super::film::Walls;
+use super::film::{Walls, heavy};
 use super::ghosts::Around;
 use super::jump::Jump;
 use super::kind::{HELD, LIQUID, SOLID};
@@ -101,6 +101,34 @@ fn inwards<L: Lattice<Q>, const Q: usize>(
     }
 }
 
+/// Returns `true` if a cell lies beside a wall that ends between it and its neighbour along direction `i`: at the rim of
+/// an opening, or at the edge of a structure that does not carry the water against the force.
+fn is_at_edge<L: Lattice<Q>, const Q: usize>(
+    cells: &Cells,
+    cell: usize,
+    kind: impl Fn(usize) -> u8,
+    i: usize,
+    force: [f64; 3],
+) -> bool {
+    let faces = |c: [i8; 3]| c.iter().filter(|c| **c != 0).count();
+    let opens = |j: usize| cells.leads_out(cell, j);
+    let c = L::C[i];
+    // Along the axes across the direction, and along the diagonals to them.
+    faces(c) == 1
+        && (1..Q).any(|j| {
+            let across = L::C[j];
+            let apart = (0..3).all(|a| across[a] == 0 || c[a] == 0);
+            let diagonal: [i8; 3] = std::array::from_fn(|a| across[a] + c[a]);
+            let carries = dot(across.map(f64::from), force) > 0.0;
+            let ends = |k: usize| opens(k) || (kind(k) != SOLID && !carries);
+            faces(across) == 1
+                && apart
+                && kind(j) == SOLID
+                && !opens(j)
+                && (1..Q).any(|k| L::C[k] == diagonal && ends(k))
+        })
+}
+
 /// Cells next to interface cells along one direction each, of which some are ghost cells.
 pub(super) struct Inner {
     /// Positions of the cells; of a ghost cell that of the interface cell.
@@ -152,6 +180,7 @@ struct Buffers<const Q: usize> {
     distance: Values,
     inward: [u8; MOST],
     has_inside: Values,
+    at_edge: Values,
     film: Values,
     c: [Values; 3],
     found: [Values; 10],
@@ -169,6 +198,7 @@ impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Work for Find<'_, L, S, 
             distance: [0.0; MOST],
             inward: [0; MOST],
             has_inside: [0.0; MOST],
+            at_edge: [0.0; MOST],
             film: [0.0; MOST],
             c: [[0.0; MOST]; 3],
             found: [[0.0; MOST]; 10],
@@ -197,6 +227,7 @@ impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Work for Find<'_, L, S, 
                     c: of(&buffers.c),
                     found: moments_at(&buffers.found, k),
                     capillary: batch.capillary[k],
+                    at_edge: buffers.at_edge[k],
                 };
                 let facet = Facet::new(self.drive, &known, self.jump);
                 batch.facets.set(k, &facet);
@@ -248,6 +279,7 @@ impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Find<'_, L, S, J, Q> {
             around: self.around,
             populations: self.populations,
         };
+        let force = heavy(self.drive.half_force);
         for (k, &cell) in positions.cells().iter().enumerate() {
             let i = usize::from(to.inward[k]);
             to.has_inside[k] = if i == 0 { 0.0 } else { 1.0 };
@@ -255,6 +287,7 @@ impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Find<'_, L, S, J, Q> {
             (to.c[0][k], to.c[1][k], to.c[2][k]) = (c[0], c[1], c[2]);
             to.film[k] = 0.0;
             to.distance[k] = 0.0;
+            to.at_edge[k] = 0.0;
             if i == 0 {
                 let film = walls.film::<L, Q>(cell as usize, self.drive.half_force);
                 let Some(film) = film else { continue };
@@ -262,6 +295,11 @@ impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Find<'_, L, S, J, Q> {
                 for (to, normal) in to.normal.iter_mut().zip(film.normal) {
                     to[k] = normal;
                 }
+            }
+            if i > 0 && (1..Q).any(|j| to.kinds[j][k] == SOLID) {
+                let kind = |j: usize| to.kinds[j][k];
+                let edge = is_at_edge::<L, Q>(self.cells, cell as usize, kind, i, force);
+                to.at_edge[k] = f64::from(u8::from(edge));
             }
             let normal = [to.normal[0][k], to.normal[1][k], to.normal[2][k]];
             to.distance[k] = cut::distance(self.cells.fill[cell as usize], normal);
