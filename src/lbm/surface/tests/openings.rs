@@ -139,9 +139,8 @@ fn a_discharge_enters_and_leaves() {
     }
 }
 
-/// Checks that a jet from a nozzle into air has the discharge of its velocity. The cells at its rims touch the wall of
-/// the nozzle, so that the jet widens by about 1.3 cells on average for any width, and is slower accordingly; then it
-/// falls like a projectile.
+/// Checks that a jet from a nozzle into air has the discharge of its velocity, widens by less than a cell, half a cell at
+/// each rim, and is slower accordingly; then it falls like a projectile.
 #[test]
 fn a_jet_enters_a_dry_box() {
     let mut tank = Tank::new([60, 50, 1]);
@@ -171,7 +170,7 @@ fn a_jet_enters_a_dry_box() {
         let found = first / sum;
         assert!((found - exact).abs() < 1.0, "{x}: {found} for {exact}");
     }
-    assert!((1.0..1.6).contains(&widening), "{widening}");
+    assert!((-0.2..1.0).contains(&widening), "{widening}");
 }
 
 /// Checks that a stream next to symmetry planes has the discharge of its velocity: water also passes the links through
