@@ -676,7 +676,7 @@ impl SlabSurface {
         }
     }
 
-    /// Damps the water at openings with a level, for half of the body force.
+    /// Sets the water at levels and outfalls to its equilibrium, for half of the body force.
     fn calm<S: Stored>(&self, populations: &mut Populations<S>, half_force: [f64; 3]) {
         for opening in &self.openings {
             opening.calm(&self.cells, populations, half_force);

@@ -80,7 +80,8 @@ impl<S: Stored> Fluid<S> {
         let patches = self.boundaries.outsides();
         let opening = |open: OutsideOfPatch| {
             let links = (self.boundaries).links_of(open.patch, &self.populations);
-            let mut opening = Opening::new(open.patch, open.outside, open.face, up);
+            let viscosity = (self.relaxation_time - 0.5) / 3.0;
+            let mut opening = Opening::new(open.patch, open.outside, open.face, up, viscosity);
             let imposed = |middle| self.boundaries.imposed(open.patch, middle);
             opening.cross(&self.populations, self.extent.start, &links, imposed);
             opening

@@ -69,8 +69,8 @@ pub(super) struct Facet {
     pub(super) traction: [f64; 3],
     /// Distance between the centres of that liquid cell and the interface cell, along the inward normal.
     pub(super) inner: f64,
-    /// 1 for a cell whose centre lies outside the water, in a smooth flow or beside the edge of a wall: the liquid cell
-    /// inside carries it; else 0.
+    /// 1 for a cell whose centre lies outside the water in a smooth flow, and for a cell beside the edge of a wall: the
+    /// liquid cell inside carries it; else 0.
     pub(super) is_carried: f64,
     /// Velocity of a carried cell, without the force.
     pub(super) given: [f64; 3],
@@ -269,7 +269,7 @@ impl Facet {
 
     /// Decides if the liquid cell inside carries a cell, and computes the velocity.
     ///
-    /// Beside the edge of a wall it carries a cell in any flow ([`super::carried`]).
+    /// Beside the edge of a wall it carries every cell ([`super::carried`]).
     ///
     /// The velocity is extrapolated with the rate of strain inside, from its second moment, as in an irrotational flow.
     #[inline(always)]
@@ -281,9 +281,8 @@ impl Facet {
         let squares = change[0] * change[0] + change[1] * change[1] + change[2] * change[2];
         let smooth = (squares <= SMOOTH * SMOOTH) & (excess.abs() <= self.most);
         let carried = (self.has_inside > 0.0)
-            & (self.distance < 0.0)
             & (self.distance + self.inner >= MIN_REACH)
-            & (smooth | (known.at_edge > 0.0));
+            & (((self.distance < 0.0) & smooth) | (known.at_edge > 0.0));
         self.is_carried = if carried { 1.0 } else { 0.0 };
         let factor = -1.5 / (relaxation_time * (1.0 + found[0]));
         let [x, y, z] = across(found, [-known.c[0], -known.c[1], -known.c[2]]);

@@ -334,7 +334,7 @@ fn a_surface_that_reaches_a_cut_has_the_same_bits() {
             levels: slope(cells, 7.6),
             tank,
             tension: None,
-            steps: 300,
+            steps: 200,
         };
         let straight = scene.run(&scene.whole(0), None, scene.steps);
         let wet = |at: [usize; 3]| straight.cells[&at].fill > 0.0;
