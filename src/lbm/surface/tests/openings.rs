@@ -140,7 +140,8 @@ fn a_discharge_enters_and_leaves() {
 }
 
 /// Checks that a jet from a nozzle into air has the discharge of its velocity, widens by less than a cell, half a cell at
-/// each rim, and is slower accordingly; then it falls like a projectile.
+/// each rim, and is slower accordingly; then it falls like a projectile. Its surface carries waves, so that thickness and
+/// height are means over a time.
 #[test]
 fn a_jet_enters_a_dry_box() {
     let mut tank = Tank::new([60, 50, 1]);
@@ -149,28 +150,37 @@ fn a_jet_enters_a_dry_box() {
     tank.streams = vec![((0, false), [36.0, 44.0], [0.05, 0.0, 0.0])];
     tank.open_at = vec![(0, true, Outside::Air), (1, false, Outside::Air)];
     let mut fluid = tank.fill(|_| 0.0);
-    step(&mut fluid, 2500);
+    step(&mut fluid, 1300);
+    let columns = [10, 20, 30];
+    let mut means = [[0.0; 2]; 3];
+    let samples = 12;
+    for _ in 0..samples {
+        step(&mut fluid, 100);
+        let surface = fluid.surface().unwrap();
+        for (mean, x) in means.iter_mut().zip(columns) {
+            let levels =
+                (0..50).map(|y| surface.fill(fluid.populations().interior_cell([x, y, 0])));
+            let levels: Vec<f64> = levels.collect();
+            let sum: f64 = levels.iter().sum();
+            let heights = levels.iter().enumerate();
+            let first: f64 = heights.map(|(y, level)| level * (y as f64 + 0.5)).sum();
+            mean[0] += sum / f64::from(samples);
+            mean[1] += first / sum / f64::from(samples);
+        }
+    }
     closes(&fluid, 0.0);
     let [entered, _] = passed(&fluid);
     // The faces are dry in the first step, and the links at the rim lead to cells that are at first too empty to stay.
     let steps = entered / (8.0 * 0.05);
     assert!((2490.0..2500.0).contains(&steps), "{steps}");
-    let surface = fluid.surface().unwrap();
     let mut widening = 0.0;
-    for x in [10, 20, 30] {
-        let (mut sum, mut first) = (0.0, 0.0);
-        for y in 0..50 {
-            let cell = fluid.populations().interior_cell([x, y, 0]);
-            sum += surface.fill(cell);
-            first += surface.fill(cell) * (y as f64 + 0.5);
-        }
-        widening += (sum - 8.0) / 3.0;
-        let time = (x as f64 + 0.5) / (0.05 * 8.0 / sum);
+    for ([width, height], x) in means.into_iter().zip(columns) {
+        widening += (width - 8.0) / 3.0;
+        let time = (x as f64 + 0.5) / (0.05 * 8.0 / width);
         let exact = 40.0 - 0.5 * tank.gravity * time * time;
-        let found = first / sum;
-        assert!((found - exact).abs() < 1.0, "{x}: {found} for {exact}");
+        assert!((height - exact).abs() < 1.0, "{x}: {height} for {exact}");
     }
-    assert!((-0.2..1.0).contains(&widening), "{widening}");
+    assert!((0.0..1.0).contains(&widening), "{widening}");
 }
 
 /// Checks that a stream next to symmetry planes has the discharge of its velocity: water also passes the links through
