@@ -3,7 +3,8 @@
 //! Every rule acts on links half-way across the face, so that the fluid fills the domain exactly from face to face.
 //! A link that leaves through an edge or a corner belongs to the face with the strongest condition ([`Strength`]),
 //! in the order wall, velocity (turbulent or not), pressure, outflow (convective or not), free slip; a wall
-//! therefore always closes its corners.
+//! therefore always closes its corners. Next to a wall that moves water passes through an opening as far as the edge
+//! (`edge`).
 //!
 //! A boundary is one file. It contains, in this order:
 //!
@@ -30,9 +31,11 @@
 //! | `sound` | the plane wave that leaves through an opening |
 //! | `covered` | openings with cells covered by solids |
 //! | `flux` | mass and momentum through each patch |
+//! | `edge` | links through edges of the domain: whose velocity, and which faces have their mass and force |
 //! | `straight` | links along which a face returns a population to its cell |
 
 mod covered;
+mod edge;
 mod flux;
 mod kind;
 mod links;
@@ -320,15 +323,18 @@ fn middle_of(cell: [usize; 3], c: [i8; 3]) -> [f64; 3] {
     std::array::from_fn(|a| real(cell[a]) + 0.5 + 0.5 * f64::from(c[a]))
 }
 
-/// Returns the patch that a link crosses along each of the axes `outside` along which it leaves the domain, and the
-/// fraction of the surrounding cells that imposes a velocity. The last patches are the walls of the faces.
+/// Patch that a link crosses along each axis along which it leaves the domain, and the fraction of the surrounding
+/// cells that imposes a velocity.
+type Found = [Option<(usize, f64)>; 3];
+
+/// Returns the patches that a link crosses along the axes `outside`. The last patches are the walls of the faces.
 fn crossed<S: Stored>(
     patches: &[Patch<S>],
     frame: &Frame,
     c: [i8; 3],
     outside: [bool; 3],
     middle: [f64; 3],
-) -> [Option<(usize, f64)>; 3] {
+) -> Found {
     let defaults = patches.len() - FACES;
     std::array::from_fn(|axis| {
         outside[axis].then(|| {
@@ -342,15 +348,6 @@ fn crossed<S: Stored>(
             on_border(patches, middle, beside)
         })
     })
-}
-
-/// Link through an edge or a corner of the domain.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct EdgeLink {
-    cell: u32,
-    direction: usize,
-    /// Patch of the face normal to each axis that the link crosses, and the patch of the link for the other axes.
-    patches: [usize; 3],
 }
 
 /// Opening of water with a free surface, as a patch.
@@ -368,9 +365,11 @@ pub struct Boundaries<S: Stored> {
     patches: Vec<Patch<S>>,
     /// Numbers of the patches from the strongest to the weakest.
     order: Vec<usize>,
-    /// Links through an edge or a corner of the domain, by cell and direction.
-    edges: Vec<EdgeLink>,
+    /// Links at the edges of the domain.
+    edges: edge::Edges,
     walls: wall::Walls,
+    /// Second and third terms of links at edges where several faces impose velocities.
+    more_terms: [wall::Walls; 2],
     open: covered::OpenCells,
     /// First cell of the slab.
     start: [usize; 3],
@@ -396,6 +395,71 @@ impl Frame {
     }
 }
 
+/// Links through faces of a slab while they are found.
+#[derive(Default)]
+struct FoundLinks {
+    walls: Vec<wall::WallLink>,
+    /// Second and third terms.
+    more_terms: [Vec<wall::WallLink>; 2],
+    open: covered::OpenCells,
+    edges: edge::Edges,
+}
+
+impl FoundLinks {
+    /// Adds a link of a cell with the indices `local` in the slab, and passes it to the patch that takes it.
+    fn add<S: Stored>(
+        &mut self,
+        mut crossing: Crossing<'_, S>,
+        local: [usize; 3],
+        frame: &Frame,
+        patches: &mut [Patch<S>],
+        coverable: bool,
+    ) {
+        let (c, outside, middle) = (crossing.velocity(), crossing.outside, crossing.middle);
+        let found = crossed(patches, frame, c, outside, middle);
+        let (patch, share) = edge::taker(patches, &found).unwrap_or((patches.len() - FACES, 1.0));
+        (crossing.share, crossing.normal) = (share, patches[patch].axis);
+        crossing.counted = edge::counted(patches, &found, patch, middle);
+        let mut opens = patches[patch].lets_through(middle);
+        // Terms of the velocities of other patches.
+        let mut others = [None; 3];
+        if found.iter().flatten().count() > 1 {
+            let passages = edge::passages(patches, &found, &crossing, patch);
+            opens |= !passages.is_empty();
+            let of_others = passages.iter().filter(|passage| passage.giver != patch);
+            for (other, passage) in others.iter_mut().zip(of_others) {
+                patches[passage.giver].rule.add_beside(passage.term);
+                *other = Some((passage.giver, passage.term));
+            }
+            self.edges.add(&crossing, &found, patch, passages);
+        } else {
+            self.edges.add_shear(&crossing, patches, frame);
+        }
+        if coverable && opens {
+            let taken = c.map(|c| 6.0 * crossing.weight() * f64::from(c));
+            let link = crossing.link;
+            (self.open).add((crossing.cell, local), covered::OpenLink { link, taken });
+        }
+        if let Giver::Wall { term } = patches[patch].rule.take(&crossing) {
+            let [slow, across, _] = crossing.populations.order();
+            let own = Some((patch, term)).filter(|_| term != 0.0 || others[0].is_none());
+            let terms = own.into_iter().chain(others.into_iter().flatten());
+            let lists = std::iter::once(&mut self.walls).chain(&mut self.more_terms);
+            for (list, (giver, term)) in lists.zip(terms) {
+                list.push(wall::WallLink {
+                    link: crossing.link,
+                    patch,
+                    giver,
+                    direction: crossing.direction,
+                    plane: local[slow],
+                    row: to_u32(local[across]),
+                    term,
+                });
+            }
+        }
+    }
+}
+
 impl<S: Stored> Boundaries<S> {
     /// Finds the boundary links of a slab. Faces without a patch are no-slip walls. `coverable`: solids may cover
     /// cells.
@@ -408,12 +472,9 @@ impl<S: Stored> Boundaries<S> {
     ) -> Self {
         // Default walls; they are the weakest in the search below, because later patches take precedence.
         patches.extend(no_slip_walls());
-        let mut walls = Vec::new();
-        let mut open = covered::OpenCells::default();
-        let mut edges = Vec::new();
-        let velocities = populations.velocities().clone();
+        let mut found = FoundLinks::default();
+        let velocities = populations.velocities();
         let dimension = velocities.dimension;
-        let [slow, across, _] = populations.order();
         for (local, cell) in populations.interior() {
             let at: [usize; 3] = std::array::from_fn(|a| local[a] + frame.start[a]);
             let at_face = (0..dimension)
@@ -424,64 +485,41 @@ impl<S: Stored> Boundaries<S> {
             for i in 1..velocities.q() {
                 let c = velocities.c[i];
                 let outside = std::array::from_fn(|a| a < dimension && frame.leaves(at, c, a));
-                if !outside.contains(&true) {
-                    continue;
-                }
-                let middle = middle_of(at, c);
-                let found = crossed(&patches, frame, c, outside, middle);
-                let (patch, share) = (found.iter().flatten().copied())
-                    .max_by_key(|&(p, _)| patches[p].rule.kind().strength)
-                    .unwrap_or((patches.len() - FACES, 1.0));
-                if found.iter().flatten().count() > 1 {
-                    let of_axes = found.map(|found| found.map_or(patch, |(p, _)| p));
-                    edges.push(EdgeLink {
-                        cell: to_u32(cell),
+                if outside.contains(&true) {
+                    let crossing = Crossing {
+                        populations,
+                        cell,
+                        at,
+                        cells: frame.cells,
                         direction: i,
-                        patches: of_axes,
-                    });
-                }
-                let link = populations.link(cell, i);
-                if coverable && patches[patch].lets_through(middle) {
-                    let taken = c.map(|c| 6.0 * velocities.w[i] * f64::from(c));
-                    open.add((cell, local), covered::OpenLink { link, taken });
-                }
-                let crossing = Crossing {
-                    populations,
-                    cell,
-                    at,
-                    cells: frame.cells,
-                    direction: i,
-                    outside,
-                    middle,
-                    share,
-                    link,
-                };
-                if let Giver::Wall { term } = patches[patch].rule.take(&crossing) {
-                    walls.push(wall::WallLink {
-                        link,
-                        patch,
-                        direction: i,
-                        plane: local[slow],
-                        row: to_u32(local[across]),
-                        term,
-                    });
+                        outside,
+                        middle: middle_of(at, c),
+                        share: 1.0,
+                        normal: 0,
+                        counted: [true; 3],
+                        link: populations.link(cell, i),
+                    };
+                    found.add(crossing, local, frame, &mut patches, coverable);
                 }
             }
         }
-        edges.sort_unstable();
+        found.edges.sort();
         let mut order: Vec<usize> = (0..patches.len()).collect();
         order.sort_by_key(|&p| std::cmp::Reverse(patches[p].rule.kind().strength));
         let summed: Vec<usize> = (0..patches.len())
             .filter(|&p| patches[p].rule.sums())
             .collect();
+        let planes = populations.cells()[populations.order()[0]];
         Self {
             sums: vec![0; summed.len() * Sums::default().len()],
             summed,
             patches,
             order,
-            edges,
-            walls: wall::Walls::new(walls, populations.cells()[slow]),
-            open,
+            edges: found.edges,
+            walls: wall::Walls::new(found.walls, planes),
+            more_terms: (found.more_terms)
+                .map(|links| wall::Walls::new(links, planes).onto_entering()),
+            open: found.open,
             start: frame.start,
         }
     }
@@ -506,9 +544,10 @@ impl<S: Stored> Boundaries<S> {
     }
 
     /// Returns the links at walls as copies between array positions after a pass of this parity, with the patch of
-    /// each for its velocity factor. `plane` is the distance between planes in memory.
-    pub(crate) fn wall_copies(&self, parity: Parity, plane: u32) -> Vec<Copies> {
-        self.walls.copies(parity, plane)
+    /// each for its velocity factor: lists that follow each other. `plane` is the distance between planes in memory.
+    pub(crate) fn wall_copies(&self, parity: Parity, plane: u32) -> [Vec<Copies>; 3] {
+        let [second, third] = &self.more_terms;
+        [&self.walls, second, third].map(|walls| walls.copies(parity, plane))
     }
 
     /// Returns the openings of water with a free surface.
@@ -659,7 +698,12 @@ impl<S: Stored> Boundaries<S> {
     ) {
         let speed = |patch: usize| self.velocity_factor(patch, step);
         // SAFETY: forwarded from the caller: a link's numbers lie in the row of its cell or in an adjacent row.
-        unsafe { self.walls.give(cells, speed, parity, numbers) };
+        unsafe {
+            self.walls.give(cells, speed, parity, numbers);
+            for terms in &self.more_terms {
+                terms.give(cells, speed, parity, numbers);
+            }
+        }
     }
 
     /// Returns the values that the rules keep between steps, by patch.
@@ -728,7 +772,10 @@ impl<S: Stored> Boundaries<S> {
         }
         let speed = |patch: usize| self.patches[patch].rule.factor(step);
         for planes in planes {
-            self.walls.apply(planes, speed, populations);
+            self.walls.apply(planes.clone(), speed, populations);
+            for terms in &self.more_terms {
+                terms.apply(planes.clone(), speed, populations);
+            }
         }
         for patch in &mut self.patches {
             patch.rule.apply_over_walls(populations, &moment);

@@ -1,19 +1,22 @@
 //! Flow through the faces of a slab: mass and momentum of each patch, summed as integers.
 
-use super::{Boundaries, EdgeLink, FACES, Patch, links};
+use super::{Boundaries, FACES, Patch, links};
 use crate::lanes::Stored;
 use crate::lattice::Velocities;
 use crate::populations::{Link, Populations};
 use crate::quanta::quanta;
 use crate::term::ClosedCells;
+use base::number::to_u32;
 
 /// Momentum and mass that crossed one patch during a step (exact sums over links).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Flux {
     /// Force of the fluid on the outside of the patch, in units of 2^-56 lattice units. Along an edge of the domain the
-    /// component along an axis is that on the face normal to it.
+    /// component along an axis is that on the face normal to it, without the shear stress on a wall next to an opening
+    /// (`edge`).
     pub force: [i128; 3],
-    /// Mass that leaves the fluid through the patch, in the same units.
+    /// Mass that leaves the fluid through the patch, in the same units. Along an edge it is that of the velocity
+    /// normal to the patch.
     pub mass: i128,
 }
 
@@ -58,8 +61,8 @@ pub struct Beside<'a> {
 }
 
 impl<S: Stored> Boundaries<S> {
-    /// Returns the flow of water through each patch in the last step on this rank. It requires a pass over the boundary
-    /// links.
+    /// Returns the flow of water through each patch in the last step, `step`, on this rank. It requires a pass over the
+    /// boundary links.
     ///
     /// Gas, structures and the content of bodies have the reference pressure, whatever numbers a pass leaves in their
     /// cells, and no mass of theirs counts.
@@ -71,7 +74,12 @@ impl<S: Stored> Boundaries<S> {
     /// meets the solid or its mirror image, and the loads on the plane are [`Beside::loads`]; at a plane that is only a
     /// part of a face there is no image, and the population that left counts for both cells.
     #[must_use]
-    pub fn fluxes(&self, populations: &Populations<S>, beside: &Beside<'_>) -> Vec<Flux> {
+    pub fn fluxes(
+        &self,
+        populations: &Populations<S>,
+        beside: &Beside<'_>,
+        step: f64,
+    ) -> Vec<Flux> {
         let mut fluxes = vec![Flux::default(); self.patches.len()];
         let velocities = populations.velocities();
         let feet = beside.structures.feet();
@@ -104,9 +112,10 @@ impl<S: Stored> Boundaries<S> {
                 i128::from(quanta(a + velocities.w[i])),
                 i128::from(quanta(b + velocities.w[j])),
             );
-            let of_link = |edge: &EdgeLink| (edge.cell, edge.direction);
-            let edge = (self.edges).binary_search_by_key(&(link.0, usize::from(link.1)), of_link);
-            let of_axes = edge.map_or([patch; 3], |n| self.edges[n].patches);
+            let key = (link.0, usize::from(link.1));
+            let edge = self.edges.find(key);
+            let of_axes = edge.map_or([patch; 3], |edge| edge.patches);
+            let shear = self.edges.shear(key);
             let given = feet.given(link, [a, b].map(quanta));
             let at_rest = [i, j].map(|i| i128::from(quanta(velocities.w[i])));
             let both = i128::from(quanta(a)) + i128::from(quanta(b));
@@ -116,10 +125,22 @@ impl<S: Stored> Boundaries<S> {
                     Some(given) => [at_rest[0] + both - i128::from(given), at_rest[1]],
                     None => [leaves, enters],
                 };
-                fluxes[of_axes[axis]].force[axis] += i128::from(velocities.c[i][axis]) * leaves
+                let momentum = i128::from(velocities.c[i][axis]) * leaves
                     - i128::from(velocities.c[j][axis]) * enters;
+                fluxes[of_axes[axis]].force[axis] += momentum;
+                for half in shear.iter().filter(|half| half.axis == axis) {
+                    fluxes[half.to].force[axis] += momentum / 2;
+                    fluxes[half.from].force[axis] -= momentum / 2;
+                }
             }
-            fluxes[patch].mass += leaves - enters;
+            let mass = leaves - enters;
+            match edge.filter(|_| counts) {
+                None => fluxes[patch].mass += mass,
+                Some(edge) => {
+                    let factor = |patch| self.velocity_factor(patch, step);
+                    edge.divide(mass, factor, |patch, mass| fluxes[patch].mass += mass);
+                }
+            }
         });
         self.add_plane_loads(&beside.loads, &mut fluxes);
         fluxes
@@ -217,12 +238,13 @@ impl<S: Stored> Boundaries<S> {
         }
     }
 
-    /// Returns the mass that left through each patch with an opening in the last step on this rank, in quanta, of
-    /// the links whose cells (positions within an array) satisfy `counts`. Walls are impermeable and are skipped.
+    /// Returns the mass that left through each patch with an opening in the last step, `step`, on this rank, in quanta,
+    /// of the links whose cells (positions within an array) satisfy `counts`. Walls are impermeable and are skipped.
     pub fn mass_through(
         &self,
         populations: &Populations<S>,
         counts: impl Fn(usize) -> bool,
+        step: f64,
         masses: &mut Vec<i128>,
     ) {
         masses.clear();
@@ -231,10 +253,18 @@ impl<S: Stored> Boundaries<S> {
         let velocities = populations.velocities();
         let mut add = |patch: usize, link: Link, direction: usize| {
             let back = velocities.opposite[direction];
-            if counts(link.near as usize - populations.slot(0, back)) {
+            let cell = link.near as usize - populations.slot(0, back);
+            if counts(cell) {
                 let leaves = numbers[link.out(parity)].to_f64() + velocities.w[direction];
                 let enters = numbers[link.incoming(parity)].to_f64() + velocities.w[back];
-                masses[patch] += i128::from(quanta(leaves)) - i128::from(quanta(enters));
+                let mass = i128::from(quanta(leaves)) - i128::from(quanta(enters));
+                match self.edges.find((to_u32(cell), direction)) {
+                    None => masses[patch] += mass,
+                    Some(edge) => {
+                        let factor = |patch| self.velocity_factor(patch, step);
+                        edge.divide(mass, factor, |patch, mass| masses[patch] += mass);
+                    }
+                }
             }
         };
         for w in self.walls.moving() {

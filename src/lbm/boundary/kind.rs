@@ -71,4 +71,11 @@ impl BoundaryKind {
         surface: SurfaceKind::Opening,
         strength: Strength::Outflow,
     };
+
+    /// Returns the precedence for the links of an edge: the strength; of two imposed velocities a moving wall precedes
+    /// an opening.
+    #[must_use]
+    pub fn precedence(self) -> (Strength, bool) {
+        (self.strength, self.surface == SurfaceKind::MovingWall)
+    }
 }

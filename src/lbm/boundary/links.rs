@@ -27,6 +27,11 @@ pub struct Crossing<'a, S: Stored> {
     /// Fraction of the surroundings of this point on the face that imposes a velocity: less than 1 at the border of
     /// a patch.
     pub share: f64,
+    /// Axis normal to the patch.
+    pub normal: usize,
+    /// `true` for each axis along which the velocity of the patch counts; `false` at an edge along the normals of
+    /// other faces that impose a velocity, or none.
+    pub counted: [bool; 3],
     /// Positions of the two populations at the ends of the link.
     pub link: Link,
 }

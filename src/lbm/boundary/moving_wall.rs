@@ -1,4 +1,6 @@
-//! A wall that moves in its own plane: half-way bounce-back with the velocity of the wall ([`super::wall`]).
+//! A wall that moves in its own plane: half-way bounce-back with the velocity of the wall ([`super::wall`]). In an edge
+//! with an opening it takes water along through the opening, in one with another wall or a plane of symmetry none
+//! (`super::edge`).
 
 use super::profile::ReadTable;
 use super::{
@@ -13,7 +15,8 @@ use base::units::LatticeUnits;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Wall that moves in its own plane.
+/// Wall that moves in its own plane. Water that it takes along leaves and enters through an opening in its way as far
+/// as the edge; an imposed velocity should be that of the wall there.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]

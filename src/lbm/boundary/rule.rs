@@ -59,6 +59,10 @@ pub trait Rule<S: Stored>: Send + Sync {
         0.0
     }
 
+    /// Adds the term 6 w_i c_n u_n of the velocity normal to the patch, of a link through an edge that another patch
+    /// takes, to the discharge.
+    fn add_beside(&mut self, _term: f64) {}
+
     /// Returns the discharge of this rank's links at a factor of one, in quanta; 0 without a stated discharge.
     fn given(&self) -> i128 {
         0

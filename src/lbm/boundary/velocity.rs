@@ -351,6 +351,12 @@ impl<S: Stored> Rule<S> for VelocityLinks {
 
     fn take(&mut self, crossing: &Crossing<'_, S>) -> Giver {
         let u = (self.profile)(crossing.middle).map(|u| crossing.share * u);
+        let only = |counts: &dyn Fn(usize) -> bool| -> [f64; 3] {
+            std::array::from_fn(|a| if counts(a) { u[a] } else { 0.0 })
+        };
+        let counted = only(&|a| crossing.counted[a]);
+        // What crosses an edge along the normals of other faces passes through these.
+        let own = only(&|a| crossing.counted[a] && (a == crossing.normal || !crossing.outside[a]));
         let (weight, c) = (crossing.weight(), crossing.velocity());
         if let Some((synthetic, side)) = &self.turbulence {
             let inlet = self
@@ -360,8 +366,8 @@ impl<S: Stored> Rule<S> for VelocityLinks {
             let strength = synthetic.intensity * speed;
             inlet.add(crossing.at, strength, crossing.link, weight, c);
         }
-        let term = wall::term(weight, c, u);
-        self.given -= i128::from(quanta(term));
+        let term = wall::term(weight, c, counted);
+        self.given -= i128::from(quanta(wall::term(weight, c, own)));
         if let Some(sound) = &mut self.sound {
             sound.links.push(crossing.face_link());
             sound.terms.push(term);
@@ -394,6 +400,10 @@ impl<S: Stored> Rule<S> for VelocityLinks {
 
     fn factor(&self, step: f64) -> f64 {
         self.balance * self.grown(step)
+    }
+
+    fn add_beside(&mut self, term: f64) {
+        self.given -= i128::from(quanta(term));
     }
 
     fn given(&self) -> i128 {

@@ -22,6 +22,8 @@ use std::ops::Range;
 pub(crate) struct WallLink {
     pub(crate) link: Link,
     pub(crate) patch: usize,
+    /// Patch whose factor the term has: another one at an edge, whose velocity crosses it ([`super::edge`]).
+    pub(crate) giver: usize,
     pub(crate) direction: usize,
     /// Plane of the cell normal to the split axis, and row of the plane.
     pub(crate) plane: usize,
@@ -63,8 +65,8 @@ impl Run {
         let line = line.with(next.row, apart)?;
         (apart == far
             && first.term.to_bits() == next.term.to_bits()
-            && (first.plane, first.patch, first.direction)
-                == (next.plane, next.patch, next.direction))
+            && (first.plane, first.patch, first.giver, first.direction)
+                == (next.plane, next.patch, next.giver, next.direction))
             .then_some(Self { first, line })
     }
 }
@@ -76,12 +78,14 @@ pub(crate) struct Walls {
     /// Index of the first run of each plane, and the total.
     begins: Vec<usize>,
     counted: Counted,
+    /// `true` if the terms are subtracted from populations that have been set, instead of the leaving ones.
+    onto_entering: bool,
 }
 
 impl Walls {
     /// Returns the links of a slab with this number of planes.
     pub(super) fn new(mut links: Vec<WallLink>, planes: usize) -> Self {
-        links.sort_unstable_by_key(|w| (w.plane, w.patch, w.direction, w.link.near));
+        links.sort_unstable_by_key(|w| (w.plane, w.patch, w.giver, w.direction, w.link.near));
         let mut runs: Vec<Run> = Vec::new();
         for link in &links {
             let longer = runs.last().and_then(|run| run.with(link));
@@ -102,7 +106,27 @@ impl Walls {
             runs,
             begins,
             counted,
+            onto_entering: false,
         }
+    }
+
+    /// Returns the links as further terms of populations that other links have set.
+    pub(super) fn onto_entering(self) -> Self {
+        Self {
+            onto_entering: true,
+            ..self
+        }
+    }
+
+    /// Returns the positions from which and to which a link gives a population.
+    fn ends(&self, link: Link, parity: Parity) -> (usize, usize) {
+        let entering = link.incoming(parity);
+        let from = if self.onto_entering {
+            entering
+        } else {
+            link.out(parity)
+        };
+        (from, entering)
     }
 
     /// Returns every link.
@@ -125,12 +149,13 @@ impl Walls {
         let mut open: HashMap<(u32, u32), usize> = HashMap::new();
         for run in &self.runs {
             let link = run.first.link;
+            let (from, to) = self.ends(link, parity);
             let copies = Copies {
-                from: to_u32(link.out(parity)),
-                to: to_u32(link.incoming(parity)),
+                from: to_u32(from),
+                to: to_u32(to),
                 counts: [run.line.count, 1],
                 strides: [run.line.stride, plane],
-                factor: to_u32(run.first.patch),
+                factor: to_u32(run.first.giver),
                 unused: 0,
                 term: run.first.term,
             };
@@ -172,9 +197,10 @@ impl Walls {
         self.counted.each(runs, populations, |run, some, numbers| {
             let run = &self.runs[run];
             let term = run.term(&speed);
+            let row = run.row(self.ends(run.first.link, parity), some);
             // SAFETY: the populations are borrowed exclusively; both ends of a link lie in the slab, and no other
             // link accesses them.
-            unsafe { run.row(some, parity).give(term, numbers) };
+            unsafe { row.give(term, numbers) };
         });
     }
 
@@ -195,8 +221,9 @@ impl Walls {
             let some = run.line.within(rows);
             if !some.is_empty() {
                 let term = run.term(&speed);
+                let row = run.row(self.ends(run.first.link, parity), some);
                 // SAFETY: promised by the caller.
-                unsafe { run.row(some, parity).give(term, numbers) };
+                unsafe { row.give(term, numbers) };
             }
         }
     }
@@ -205,23 +232,18 @@ impl Walls {
 impl Run {
     /// Returns the term subtracted from the links of the run, where `speed` is the factor of a patch.
     fn term(&self, speed: impl Fn(usize) -> f64) -> f64 {
-        let WallLink { patch, term, .. } = self.first;
+        let WallLink { giver, term, .. } = self.first;
         // Most walls are stationary.
         if term == 0.0 {
             0.0
         } else {
-            term * speed(patch)
+            term * speed(giver)
         }
     }
 
-    /// Returns the positions of a range of its links.
-    fn row(&self, some: Range<usize>, parity: Parity) -> Row {
-        let link = self.first.link;
-        Row::new(
-            (link.out(parity), link.incoming(parity)),
-            self.line.stride,
-            some,
-        )
+    /// Returns the positions of a range of its links, given those of the first.
+    fn row(&self, first: (usize, usize), some: Range<usize>) -> Row {
+        Row::new(first, self.line.stride, some)
     }
 }
 
@@ -238,6 +260,7 @@ mod tests {
         WallLink {
             link: Link { near, far },
             patch,
+            giver: patch,
             direction: 3,
             plane: (near / 200) as usize,
             row: if patch == 0 && term != 0.0 {

@@ -195,7 +195,9 @@ impl<S: Stored> Fluid<S> {
             planes: self.planes_of_symmetry(),
             loads,
         };
-        let mut fluxes = self.boundaries.fluxes(&self.populations, &beside);
+        #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
+        let step = self.step as f64;
+        let mut fluxes = self.boundaries.fluxes(&self.populations, &beside, step);
         for (patch, entered) in self.surface().iter().flat_map(|s| s.entered_in_last_step()) {
             fluxes[patch].mass = -entered;
         }
@@ -223,8 +225,10 @@ impl<S: Stored> Fluid<S> {
             return;
         }
         let counts = |position| counts(self.interior_coordinates(position));
+        #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
+        let step = self.step as f64;
         self.boundaries
-            .mass_through(&self.populations, counts, masses);
+            .mass_through(&self.populations, counts, step, masses);
     }
 
     /// Returns the local coordinates of an interior cell; for a ghost cell those of the interior cell that it

@@ -5,8 +5,8 @@
 //!
 //! | after the pass | copies, in this order |
 //! |---|---|
-//! | even | along the rows, along the middle axis, along the slab axis; walls |
-//! | odd | along the rows, along the slab axis, along the middle axis; walls |
+//! | even | along the rows, along the middle axis, along the slab axis; walls; further terms at edges |
+//! | odd | along the rows, along the slab axis, along the middle axis; walls; further terms at edges |
 //!
 //! The order is that of [`crate::fluid::Fluid::advance`], so that corners are correct.
 
@@ -101,12 +101,8 @@ impl Pass {
                 round.axis(middle, slow, true),
             ],
         };
-        let mut copies = vec![
-            round.rows(&slab),
-            one,
-            other,
-            boundaries.wall_copies(after, slab.plane),
-        ];
+        let mut copies = vec![round.rows(&slab), one, other];
+        copies.extend(boundaries.wall_copies(after, slab.plane));
         copies.retain(|list| !list.is_empty());
         Self { slab, copies }
     }

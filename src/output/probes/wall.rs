@@ -2,8 +2,9 @@
 //!
 //! [`Flux`](lbm::boundary::Flux) counts whole populations, so that a fluid at rest exerts the pressure of
 //! density one on every patch. This reference is subtracted link by link, in the same integers, and the gauge pressure
-//! remains. Away from edges the reference is 1/3 per cell along the normal. A link through an edge or a corner belongs
-//! to the face with the strongest condition (see [`lbm::boundary`]).
+//! remains. Away from edges the reference is 1/3 per cell along the normal. Along an edge each component of force and
+//! mass flux is that of the face normal to it, and a wall next to an opening has the shear stress of
+//! the nearest cells up to the edge (see [`lbm::boundary`]).
 //!
 //! On a face with inflow or outflow the force includes the momentum of that fluid. A plane of symmetry exerts no
 //! tangential force, also below a moving surface.
@@ -196,7 +197,7 @@ fn reference(face: Face, flow: &Flow, grid: &Grid, velocities: &Velocities) -> [
                     let owner = (0..3)
                         .filter(|&a| outside[a])
                         .map(|a| Face::ALL[2 * a + usize::from(c[a] > 0)])
-                        .max_by_key(|face| wall_kind(condition(*face, cell, flow)).strength);
+                        .max_by_key(|face| wall_kind(condition(*face, cell, flow)).precedence());
                     let Some(owner) = owner else {
                         continue;
                     };
