@@ -453,20 +453,25 @@ fn lid_and_force(set: VelocitySet, cells: [usize; 3], periodic: [bool; 3]) -> Se
         period: 7.0,
         phase: 0.3,
     };
-    s.patches = vec![Patch {
-        name: "lid".into(),
-        axis: 1,
-        upper: true,
-        range: EVERYWHERE,
-        rule: Box::new(velocity::VelocityLinks::new(
-            Box::new(|p| [0.02 + 0.001 * p[0], 0.0, 0.0]),
-            Ramp {
-                start: 0.0,
-                end: 1.0,
-                steps: 20.0,
-            },
-        )),
-    }];
+    let lid = velocity::VelocityLinks::new(
+        Box::new(|p| [0.02 + 0.001 * p[0], 0.0, 0.004]),
+        Ramp {
+            start: 0.0,
+            end: 1.0,
+            steps: 20.0,
+        },
+    );
+    // Where both meet, the velocities of both act on one link.
+    let inlet = velocity::VelocityLinks::uniform([0.003, 0.0, 0.0]);
+    s.patches = [(0, "inlet", inlet), (1, "lid", lid)]
+        .map(|(axis, name, rule)| Patch {
+            name: name.into(),
+            axis,
+            upper: axis == 1,
+            range: EVERYWHERE,
+            rule: Box::new(rule) as Box<dyn Rule<f64>>,
+        })
+        .into();
     s
 }
 
