@@ -375,3 +375,121 @@ fn outlets_hold_where_moving_bodies_part_their_water() {
         assert!(compression < 0.1, "{name}: {compression}");
     }
 }
+
+/// Cells between the walls of Couette flow.
+const COUETTE_CELLS: u32 = 20;
+
+/// Returns Couette flow through openings and the table of its inlet: the stream flows along the axis `along`, `across`
+/// is the axis from the wall at rest to the one that slides. Wall and inlet have half of their final velocity at first.
+fn couette_through_openings(
+    dimension: usize,
+    along: usize,
+    across: usize,
+    inlet: &Value,
+) -> (Value, String) {
+    let (names, velocities) = (["x", "y", "z"], ["u", "v", "w"]);
+    let mut size = [1e-4; 3];
+    (size[along], size[across]) = (1e-3, 1e-3);
+    let mut slide = [0.0; 3];
+    slide[along] = 0.002;
+    let others = (0..dimension).filter(|a| *a != along && *a != across);
+    let periodic: Vec<&str> = others.map(|a| names[a]).collect();
+    let tangential: Vec<usize> = (0..dimension).filter(|a| *a != along).collect();
+    let columns = tangential.iter().map(|a| names[*a]);
+    let columns: Vec<&str> = columns
+        .chain(velocities[..dimension].iter().copied())
+        .collect();
+    // In three dimensions the nearest row counts: links cross the face at centres, sides and corners of cells.
+    let mut rows = vec![columns.join(",")];
+    for n in 0..=2 * COUETTE_CELLS {
+        let part = f64::from(n) / f64::from(2 * COUETTE_CELLS);
+        let place = tangential
+            .iter()
+            .map(|a| if *a == across { 1e-3 * part } else { 0.0 });
+        let speed = (0..dimension).map(|a| slide[a] * part);
+        let row: Vec<String> = place.chain(speed).map(|x| x.to_string()).collect();
+        rows.push(row.join(","));
+    }
+    let history = json!([[0, 0.5], [0.2, 1]]);
+    let wall = json!({"moving_wall": {"velocity": slide[..dimension], "history": history}});
+    let mut inlet = inlet.clone();
+    if let Some(velocity) = inlet.get_mut("velocity") {
+        velocity["history"] = history;
+    }
+    let end = |axis: usize, end: &str| format!("{}_{end}", names[axis]);
+    let faces = [
+        end(along, "min"),
+        end(along, "max"),
+        end(across, "min"),
+        end(across, "max"),
+    ];
+    let probe = |face: &String| json!({"name": face, "every": 1, "at": {"wall": {"face": face}}});
+    let case = json!({
+        "domain": {"size": size[..dimension], "spacing": 5e-5, "periodic": periodic},
+        "fluid": {"lattice_boltzmann": {
+            "density": 1000, "kinematic_viscosity": 1e-6, "relaxation_time": 0.8,
+            "boundaries": [
+                {"name": "in", "face": faces[0], "condition": inlet},
+                {"name": "out", "face": faces[1], "condition": {"pressure": {"value": 0, "held": "each_cell"}}},
+                {"name": "wall", "face": faces[3], "condition": wall}]}},
+        "time": {"end": 2},
+        "probes": faces.iter().map(probe).collect::<Vec<_>>(),
+        "output": {}
+    });
+    (case, rows.join("\n"))
+}
+
+/// Checks Couette flow through openings against its exact solution: the flow through each opening, U H/2, and the force
+/// on each wall, μ U/H times its length, on any axes and for imposed velocities and pressures. Two ranks give the same
+/// bits.
+#[test]
+fn couette_flow_through_openings_has_its_flow_and_its_drag() {
+    let _beside = beside_others();
+    let table = json!({"velocity": {"profile": {"file": {"path": "linear.csv"}}}});
+    let pressure = json!({"pressure": {"value": 0}});
+    for (dimension, along, across, inlet) in [
+        (2, 0, 1, &table),
+        (2, 1, 0, &table),
+        (2, 0, 1, &pressure),
+        (3, 0, 2, &table),
+    ] {
+        let (case, rows) = couette_through_openings(dimension, along, across, inlet);
+        let study = Study::new(&case.to_string());
+        std::fs::write(study.path("linear.csv"), rows).unwrap();
+        study.run("one", 1, 1, &[]);
+        study.run("two", 2, 1, &[]);
+        study.same("one", "two");
+        let last = |axis: usize, end: &str, column: &str| -> f64 {
+            let name = format!("probe_{}_{end}.csv", ["x", "y", "z"][axis]);
+            let text = std::fs::read_to_string(study.path("one").join(name)).unwrap();
+            let mut lines = text.lines().filter(|line| !line.starts_with('#'));
+            let heading = |name: &str| name.split(' ').next() == Some(column);
+            let at = lines.next().unwrap().split(',').position(heading).unwrap();
+            lines
+                .next_back()
+                .unwrap()
+                .split(',')
+                .nth(at)
+                .unwrap()
+                .parse()
+                .unwrap()
+        };
+        let depth = if dimension == 2 { 1.0 } else { 1e-4 };
+        let flow = 1000.0 * 0.5 * 0.002 * 1e-3 * depth;
+        let drag = 1e-3 * 0.002 / 1e-3 * 1e-3 * depth;
+        let force = format!("force_{}", ["x", "y", "z"][along]);
+        let found = [
+            -last(along, "min", "mass_flux") / flow,
+            last(along, "max", "mass_flux") / flow,
+            -last(across, "max", &force) / drag,
+            last(across, "min", &force) / drag,
+        ];
+        println!(
+            "{dimension}-D along {along}, {inlet}: flow in, out, drag of both walls {found:?}"
+        );
+        let walls = ["min", "max"].map(|end| last(across, end, "mass_flux"));
+        // Of the second order in the velocity of the lattice, 0.01.
+        assert!(found.iter().all(|x| (x - 1.0).abs() < 1e-3), "{found:?}");
+        assert!(walls.iter().all(|x| x.abs() < 1e-12 * flow), "{walls:?}");
+    }
+}
