@@ -97,6 +97,7 @@ CHAPTERS = [
             "darcy/retention.rs",
             "darcy/retention/*",
             "darcy/pressure/unsaturated.rs",
+            "darcy/pressure/unsaturated/following.rs",
             "darcy/pressure/unsaturated/transient.rs",
             "darcy/cut_cells.rs",
             "darcy/drains.rs",

@@ -42,6 +42,10 @@ family! {
 /// Suction below which a soil is nearly saturated, in capillary lengths.
 pub(crate) const NEARLY_SATURATED: f64 = 1e-4;
 
+/// Negative logarithm of the effective saturation below which the content is rounding: exp(-34) is eight times the
+/// rounding of 1.
+const ROUNDED: f64 = 34.0;
+
 /// State of a soil at a pressure head.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SoilState {

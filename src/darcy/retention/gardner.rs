@@ -8,12 +8,9 @@
 //! (1991) 753), in which the equation of Richards is linear in `k_r`.
 
 use super::van_genuchten::contents;
-use super::{Fault, RetentionLaw, SoilState};
+use super::{Fault, ROUNDED, RetentionLaw, SoilState};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-
-/// Largest exponent of the content: exp(-34) is eight times the rounding of 1.
-const MOST: f64 = 34.0;
 
 /// Exponential permeability and content (Gardner 1958).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -72,7 +69,7 @@ impl RetentionLaw for Gardner {
     }
 
     fn driest_head(&self) -> f64 {
-        -MOST / self.alpha
+        -ROUNDED / self.alpha
     }
 
     fn check(&self) -> Option<Fault> {

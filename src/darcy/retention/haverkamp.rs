@@ -7,7 +7,7 @@
 //!
 //! The parameter a of publications that print `A/(A + |psi|^b)` is `A^(1/b)`.
 
-use super::{Fault, RetentionLaw, SoilState, van_genuchten};
+use super::{Fault, ROUNDED, RetentionLaw, SoilState, van_genuchten};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -77,6 +77,10 @@ impl RetentionLaw for Haverkamp {
 
     fn residual_content(&self) -> f64 {
         self.residual_content
+    }
+
+    fn driest_head(&self) -> f64 {
+        -self.content_head * (ROUNDED / self.content_exponent).exp()
     }
 
     fn capillary_length(&self) -> f64 {

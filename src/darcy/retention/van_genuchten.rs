@@ -13,7 +13,7 @@
 //! air-entry suction, 2 cm in T. Vogel, M. T. van Genuchten and M. Cislerova (Adv. Water Resour. 24 (2001) 133). Here
 //! `k_r` is linear in `psi` at suctions below 1e-4 capillary lengths if n is below 2, and exact beyond.
 
-use super::{Fault, NEARLY_SATURATED, RetentionLaw, SoilState};
+use super::{Fault, NEARLY_SATURATED, ROUNDED, RetentionLaw, SoilState};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -97,6 +97,10 @@ impl RetentionLaw for VanGenuchten {
 
     fn residual_content(&self) -> f64 {
         self.residual_content
+    }
+
+    fn driest_head(&self) -> f64 {
+        -(ROUNDED / (self.n - 1.0)).exp() / self.alpha
     }
 
     fn saturation_exponent(&self) -> f64 {

@@ -23,6 +23,15 @@ const FREE_STEPS: u32 = 6;
 /// Largest increase of the norm by such a step, unless the imbalance remains small relative to the largest flow.
 const HIGHEST_RISE: f64 = 10.0;
 const SMALL_IMBALANCE: f64 = 1e-3;
+/// Maximum number of steps that follow the content of each cell, after the Newton steps of a stage.
+const FOLLOWING_STEPS: u32 = 40;
+/// Ratio of the heads after such steps to those before them that is no solution: in the rounding of such heads all
+/// flow would be balanced.
+const FARTHEST: f64 = 1e6;
+/// Ratio of the norms after and before such a step above which the norm no longer falls.
+const STILL: f64 = 0.5;
+/// Ratio of an imbalance to the largest storage rate of a cell that changes no content.
+const NO_CONTENT: f64 = 1e-13;
 /// Relative residual at which the linear solver stops.
 const FORCING: f64 = 1e-5;
 /// Fraction of the tolerance at which a time step ends, so that the stored water of the pressure agrees with the
@@ -33,7 +42,7 @@ const ROUNDING: f64 = 1e-15;
 
 /// Maximum ratio of the suction after a step to that before it, which is at least a capillary length. A cell that is
 /// too dry conducts nothing, so that the norm of the imbalances does not show by how much.
-const DRIER: f64 = 10.0;
+pub(super) const DRIER: f64 = 10.0;
 
 /// Pressure head at the edge of saturation, as a fraction of the capillary length: well above the rounding of a
 /// pressure, and the water released by it well below that of a step.
@@ -164,7 +173,7 @@ impl EarlierNorms {
 /// Vectors of the linear solver.
 pub(super) struct Krylov {
     /// Change of the reduced pressure.
-    change: Vec<f64>,
+    pub(super) change: Vec<f64>,
     residual: Vec<f64>,
     shadow: Vec<f64>,
     direction: Vec<f64>,
@@ -207,7 +216,9 @@ pub(super) struct Outcome {
 }
 
 impl Pressure {
-    /// Applies Newton's method from the present pressure, with at most this number of steps. Collective.
+    /// Applies Newton's method from the present pressure, with at most this number of steps. Within a time step,
+    /// steps that follow the content of each cell continue where fractions of Newton steps do not converge.
+    /// Collective.
     pub(super) fn newton(
         &mut self,
         own: &mut Unsaturated,
@@ -217,59 +228,92 @@ impl Pressure {
         self.evaluate(own);
         let mut norm = self.norm();
         let mut earlier = EarlierNorms::new(own);
-        for _ in 0..steps {
+        let stores = (own.transient.as_ref()).is_some_and(|transient| transient.advances());
+        let most = steps + if stores { FOLLOWING_STEPS } else { 0 };
+        let (mut follows, mut before, mut farthest) = (false, f64::INFINITY, f64::INFINITY);
+        for step in 0..=most {
             let (residual, converged) = self.imbalance(own);
-            if converged || !norm.is_finite() {
+            let still = follows && norm > STILL * before && self.is_rounding(own, residual);
+            let lost = farthest.is_finite() && self.reach(own) > farthest || !norm.is_finite();
+            if converged || still || lost || step == most {
                 return Ok(Outcome {
-                    converged,
+                    converged: (converged || still) && !lost,
                     iterations,
                     residual,
                 });
             }
-            self.set_symmetric(own);
-            iterations += self.solve_linear(own)?;
-            if let Some(gather) = &mut self.slab.gather {
-                gather.fill(&mut own.krylov.change);
-            }
-            own.start.copy_from_slice(&self.phi);
-            let mut length = 1.0;
-            let mut halvings = 0;
-            let reference = earlier.largest_with(norm);
-            loop {
-                self.try_change(own, length);
+            if follows || step >= steps {
+                if farthest.is_infinite() {
+                    farthest = FARTHEST * self.reach(own);
+                }
+                follows = true;
+                self.soften(own);
+                iterations += self.find_change(own, true)?;
+                self.follow_content(own);
                 self.evaluate(own);
-                let next = self.norm();
-                if next <= (1.0 - DECREASE * length) * reference {
-                    norm = next;
-                    break;
-                }
-                if halvings == FEW_HALVINGS && earlier.may_rise() {
-                    self.try_change(own, 1.0);
-                    self.evaluate(own);
-                    let next = self.norm();
-                    if next <= norm * HIGHEST_RISE.max(SMALL_IMBALANCE / residual) {
-                        norm = next;
-                        earlier.forget();
-                        break;
-                    }
-                }
-                if halvings == HALVINGS {
-                    return Ok(Outcome {
-                        converged: false,
-                        iterations,
-                        residual: f64::NAN,
-                    });
-                }
-                halvings += 1;
-                length *= 0.5;
+                before = norm;
+                norm = self.norm();
+                continue;
+            }
+            iterations += self.find_change(own, false)?;
+            if let Some(next) = self.search(own, (norm, residual), &mut earlier) {
+                norm = next;
+            } else if stores {
+                follows = true;
+                self.phi.copy_from_slice(&own.start);
+                self.evaluate(own);
+            } else {
+                break;
             }
         }
-        let (residual, converged) = self.imbalance(own);
         Ok(Outcome {
-            converged,
+            converged: false,
             iterations,
-            residual,
+            residual: f64::NAN,
         })
+    }
+
+    /// Finds the change of the pressure in a Newton step; returns the number of iterations. If `thorough`, the columns
+    /// alone are the preconditioner where the iteration does not converge with the multigrid cycle. Collective.
+    fn find_change(&mut self, own: &mut Unsaturated, thorough: bool) -> Result<u32, SeepageError> {
+        self.set_symmetric(own);
+        let iterations = self.solve_linear(own, thorough)?;
+        if let Some(gather) = &mut self.slab.gather {
+            gather.fill(&mut own.krylov.change);
+        }
+        own.start.copy_from_slice(&self.phi);
+        Ok(iterations)
+    }
+
+    /// Makes the largest fraction of a Newton step that decreases the norm of the imbalances enough; returns the norm
+    /// after it, or none. `residual` is the relative imbalance before it. Collective.
+    fn search(
+        &mut self,
+        own: &mut Unsaturated,
+        (norm, residual): (f64, f64),
+        earlier: &mut EarlierNorms,
+    ) -> Option<f64> {
+        let mut length = 1.0;
+        let reference = earlier.largest_with(norm);
+        for halvings in 0..=HALVINGS {
+            self.try_change(own, length);
+            self.evaluate(own);
+            let next = self.norm();
+            if next <= (1.0 - DECREASE * length) * reference {
+                return Some(next);
+            }
+            if halvings == FEW_HALVINGS && earlier.may_rise() {
+                self.try_change(own, 1.0);
+                self.evaluate(own);
+                let next = self.norm();
+                if next <= norm * HIGHEST_RISE.max(SMALL_IMBALANCE / residual) {
+                    earlier.forget();
+                    return Some(next);
+                }
+            }
+            length *= 0.5;
+        }
+        None
     }
 
     /// Sets the pressure after a fraction of a Newton step.
@@ -366,17 +410,28 @@ impl Pressure {
         (most / scale, enough)
     }
 
+    /// Returns `true` if the imbalances are rounding where steps no longer decrease them: within the tolerance of a
+    /// steady flow, or of a content that is a rounding of the largest. The fluxes carry the rest to the next step.
+    fn is_rounding(&self, own: &Unsaturated, residual: f64) -> bool {
+        let term = (own.transient.as_ref()).map_or(0.0, |transient| transient.largest_term());
+        let rows = self.slab.layout.rows(&self.slab.layout.whole());
+        let most = rows.flatten().fold(0.0, |most: f64, at| {
+            most.max(self.system.residual[at].abs())
+        });
+        residual <= self.settings.tolerance || most <= NO_CONTENT * term
+    }
+
     /// Solves the linear system of a Newton step; returns the number of iterations. The line search judges the
     /// result. Collective.
     ///
-    /// The columns alone are the preconditioner where conductances at saturation differ by more than the single
-    /// precision of the multigrid cycle resolves, and the iteration does not converge with it.
+    /// The columns alone are the preconditioner where the iteration does not converge with the multigrid cycle and
+    /// conductances at saturation differ by more than its single precision resolves, or `thorough` is set.
     ///
     /// # Errors
     /// If a stop is requested.
-    fn solve_linear(&mut self, own: &mut Unsaturated) -> Result<u32, SeepageError> {
+    fn solve_linear(&mut self, own: &mut Unsaturated, thorough: bool) -> Result<u32, SeepageError> {
         let (iterations, converged) = self.iterate_linear(own, true)?;
-        if converged || contrast(&own.saturated) <= CYCLE_CONTRAST {
+        if converged || !thorough && contrast(&own.saturated) <= CYCLE_CONTRAST {
             return Ok(iterations);
         }
         let (more, _) = self.iterate_linear(own, false)?;

@@ -1,4 +1,5 @@
 mod drains;
+mod drawdown;
 mod rain;
 mod transient;
 

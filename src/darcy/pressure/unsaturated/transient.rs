@@ -166,6 +166,11 @@ impl Transient {
         self.rate > 0.0
     }
 
+    /// Returns the volume of a cell divided by the time of a stage \[m³/s\], and the specific storage \[1/m\].
+    pub(super) fn storing(&self, at: usize) -> (f64, f64) {
+        (self.volume[at] * self.rate, self.settings.specific_storage)
+    }
+
     /// Returns `true` if the initial state is known.
     pub(super) fn began(&self) -> bool {
         self.began
