@@ -73,9 +73,10 @@ fn driest(seepage: &Seepage, findings: &mut Findings) {
         .iter()
         .filter_map(|zone| zone.retention.as_ref());
     let laws = std::iter::once(&soil.retention).chain(zones);
-    let driest = laws
-        .map(|law| law.model().driest_head())
-        .fold(f64::NEG_INFINITY, f64::max);
+    let driest = laws.map(|law| (law.model().driest_head(), law.model().description()));
+    let Some((driest, law)) = driest.max_by(|a, b| a.0.total_cmp(&b.0)) else {
+        return;
+    };
     if head >= driest {
         return;
     }
@@ -86,13 +87,14 @@ fn driest(seepage: &Seepage, findings: &mut Findings) {
     findings.unstable(
         &path,
         format!(
-            "with Gardner's law the water that can drain at a pressure head of {} m is less than the rounding of \
-             that of saturation; below {} m the flow does not converge",
+            "with the retention {law} the water that can drain at a pressure head of {} m is less than the rounding \
+             of that of saturation; below {} m the flow may not converge",
             number(head),
             number(driest)
         ),
         Remedy::from(format!(
-            "use a pressure head of at least {} m, or a retention with a slower fall, such as van_genuchten",
+            "use a pressure head of at least {} m, or a retention with a slower fall, such as van_genuchten with a \
+             smaller n",
             number(proposed)
         ))
         .set(path.clone(), proposed),

@@ -18,6 +18,10 @@ use darcy::{Condition, Equations, Retention};
 /// by e^-20 from one cell to the next.
 const COARSE: f64 = 20.0;
 
+/// Maximum height of ground of Gardner's soil in capillary lengths, above which the plan warns: columns and slopes of
+/// 36 lengths drained to rest, a slope of 40 did not.
+const HIGHEST: f64 = 36.0;
+
 /// Maximum number of zones with a retention.
 const MAX_SOILS: usize = 255;
 /// Thickness of the phreatic surface in ground without suction, in cell heights.
@@ -307,6 +311,7 @@ impl Seepage {
         let rise = (0..grid.dimension)
             .map(|a| (gravity[a] / strength).abs() * self.widest(a))
             .fold(0.0, f64::max);
+        self.check_height(gravity, grid.dimension, findings);
         let length = law.capillary_length();
         if rise > COARSE * length * (1.0 + 1e-9) {
             findings.warn(
@@ -320,6 +325,36 @@ impl Seepage {
                 format!(
                     "use cells of at most {} m, or a longer capillary length",
                     number(COARSE * length)
+                ),
+            );
+        }
+    }
+
+    /// Warns of ground in which an exponential soil drains until its content and its permeability are rounding.
+    fn check_height(&self, gravity: [f64; 3], dimension: usize, findings: &mut Findings) {
+        let Some(soil) = &self.written.unsaturated else {
+            return;
+        };
+        let Retention::Gardner(gardner) = soil.retention else {
+            return;
+        };
+        let strength = norm(gravity);
+        let height: f64 = (0..dimension)
+            .map(|a| (gravity[a] / strength).abs() * self.axis(a).length(0, self.cells[a]))
+            .sum();
+        let lengths = height * gardner.alpha;
+        if soil.transient.is_some() && lengths > HIGHEST * (1.0 + 1e-9) {
+            findings.warn(
+                &format!("{PATH}.unsaturated.retention.gardner.alpha"),
+                format!(
+                    "the ground is {} m high, {} capillary lengths of an exponential soil: where it drains to rest, \
+                     its content and its permeability are rounding, and the flow may not converge",
+                    number(height),
+                    number(lengths)
+                ),
+                format!(
+                    "use an alpha of at most {} 1/m, or van_genuchten, whose content falls more slowly",
+                    number(HIGHEST / height)
                 ),
             );
         }
