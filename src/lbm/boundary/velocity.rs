@@ -66,6 +66,16 @@ const OUTWARD: &str =
     "the mean flow carries the turbulence into the domain, but this profile points out of it";
 const REVERSE_ADVICE: &str = "reverse the profile, or remove `turbulence`";
 
+impl Velocity {
+    /// Returns the mean velocity into the domain without ramp and table of factors [m/s]; none if too many cells would
+    /// have to be evaluated.
+    #[must_use]
+    pub fn mean_inflow(&self, place: &Place<'_>) -> Option<f64> {
+        let stated = self.profile.mean_inflow(place);
+        stated.or_else(|| self.profile.mean_of_table(place))
+    }
+}
+
 impl BoundaryModel for Velocity {
     fn kind(&self) -> BoundaryKind {
         KIND
@@ -93,9 +103,7 @@ impl BoundaryModel for Velocity {
 
     /// Checks that the mean flow is into the domain, so that it carries turbulence in.
     fn check(&self, place: &Place<'_>, report: &mut dyn Report) {
-        let mean =
-            || (self.profile.mean_inflow(place)).or_else(|| self.profile.mean_of_table(place));
-        if self.turbulence.is_some() && mean().is_some_and(|mean| mean <= 0.0) {
+        if self.turbulence.is_some() && self.mean_inflow(place).is_some_and(|mean| mean <= 0.0) {
             let path = format!("{}.turbulence", place.site.path);
             report.error(&path, OUTWARD.into(), REVERSE_ADVICE.into());
         }
@@ -155,7 +163,7 @@ impl BoundaryModel for Velocity {
             end: 1.0,
             steps: units.time_to_lattice(self.ramp_time.unwrap_or(0.0)),
         };
-        let mean = (self.profile.mean_inflow(place)).or_else(|| self.profile.mean_of_table(place));
+        let mean = self.mean_inflow(place);
         let discharge = mean.map(|mean| units.velocity_to_lattice(mean) * place.area());
         let history = in_steps(self.history.as_deref(), units);
         let links = VelocityLinks::new(profile, ramp).following(history);
