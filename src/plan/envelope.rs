@@ -42,7 +42,6 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
         needed_pressure(scene, flow, &mut margins, findings);
         super::bodies::check(scene, &mut margins, findings);
         super::slots::check(scene, flow, findings);
-        super::filling::check(scene, flow, findings);
         super::terms::check(scene, flow, &mut margins, findings);
     }
     if let Some(seepage) = &scene.seepage

@@ -445,6 +445,7 @@ mod tests {
             let mut set = vec![
                 format!("{LATTICE}.kinematic_viscosity={}", 2.0 * 0.002_857_5 / cell),
                 format!(r#"{LATTICE}.surface.water=[{{"level": 0.0857}}]"#),
+                "time.end=0.1".to_owned(),
                 format!(r#"{LATTICE}.collision={{"{operator}": {{}}}}"#),
                 format!(
                     r#"{LATTICE}.boundaries[1]={{"name": "in", "face": "x_min",

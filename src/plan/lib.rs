@@ -270,6 +270,10 @@ impl Plan {
             device::check(&scene, &mut findings);
             arithmetic::check(&scene, &mut findings);
             let margins = envelope::margins(&scene, &clock, &mut findings);
+            if let Some(flow) = &scene.flow {
+                let before = like.and_then(|plan| plan.scene.flow.as_ref());
+                filling::check(&scene, flow, before, &mut findings);
+            }
             if scene.guards.limits == Limits::Warn {
                 let refused = |p: &&mut Problem| p.severity == Severity::Error;
                 for problem in findings.problems[before..].iter_mut().filter(refused) {

@@ -298,7 +298,7 @@ fn index(grid: &Grid, cell: [usize; 3]) -> usize {
 }
 
 /// Returns the cells at a face.
-fn face_cells(grid: &Grid, face: Face) -> Vec<[usize; 3]> {
+pub(crate) fn face_cells(grid: &Grid, face: Face) -> Vec<[usize; 3]> {
     let axis = face.axis();
     if axis >= grid.dimension || grid.periodic[axis] {
         return Vec::new();
@@ -452,6 +452,40 @@ impl<'a> Ways<'a> {
         let water = part.iter().filter(|known| *known == number).count();
         let inflow = here.imposed.abs() * real(*cells);
         Some((patch, inflow / (self.grid.spacing * real(water))))
+    }
+}
+
+/// Connected parts of the water among solids that never move.
+pub(crate) struct WaterParts(Vec<u32>);
+
+impl WaterParts {
+    /// Returns the parts of the water of a scene; none if it has too many cells.
+    pub(crate) fn new(flow: &Flow, grid: &Grid, solids: &Obstacles<'_>) -> Option<Self> {
+        let cells = grid.cells.iter().product::<usize>();
+        if cells > MAX_CELLS {
+            return None;
+        }
+        let mut marks = vec![NEW; cells];
+        let structures = solids.structures.iter().filter(|one| one.stops.water());
+        mark_structures(&mut marks, grid, &structures.collect::<Vec<_>>());
+        let bodies = solids.bodies.iter();
+        for body in bodies.filter(|body| body.mobility == Mobility::Fixed) {
+            let ball = (body.position, body.radius);
+            mark_body(&mut marks, grid, ball, body.solid.as_ref());
+        }
+        let blocks = solids.blocks.iter().flat_map(|blocks| &blocks.list);
+        for block in blocks.filter(|block| block.fixed) {
+            let ball = (block.solid.position.into(), block.solid.shape.radius());
+            mark_body(&mut marks, grid, ball, Some(&block.solid));
+        }
+        let reach = neighbours(grid, reach_of_links(flow));
+        Some(Self(parts(grid, marks, &reach)))
+    }
+
+    /// Returns the part to which a cell belongs; none in a solid.
+    pub(crate) fn part(&self, grid: &Grid, cell: [usize; 3]) -> Option<u32> {
+        let part = self.0[index(grid, cell)];
+        (part < NEW).then_some(part)
     }
 }
 
