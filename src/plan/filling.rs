@@ -186,7 +186,7 @@ impl Basin<'_> {
             )
         } else if may_end {
             format!(
-                "then its pressure drives the rest out, and guards.max_compression = {most} may end the run"
+                "then the pressure of the water grows, and guards.max_compression = {most} may end the run"
             )
         } else {
             "from then on the water presses on the lid".to_owned()

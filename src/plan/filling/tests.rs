@@ -70,6 +70,10 @@ fn a_basin_without_an_outlet_is_full_after_a_known_time() {
     assert_eq!(closed(1.7), Some((Severity::Unstable, 1.6)));
     assert_eq!(closed(2.05), Some((Severity::Unstable, 1.6)));
     assert_eq!(closed(2.15), Some((Severity::Error, 1.6)));
+    let reason = |end: f64| found(&basin(&discharge(0.05), &[], end)).unwrap().reason;
+    assert!(reason(1.7).ends_with("presses on the lid"));
+    assert!(reason(2.05).ends_with("may end the run"));
+    assert!(reason(2.15).ends_with("= 0.2 ends the run"));
     let problem = found(&basin(&discharge(0.05), &[], 1.7)).unwrap();
     assert!(
         problem
