@@ -322,18 +322,13 @@ fn a_moving_bed_has_the_same_rows_on_any_ranks_and_across_a_restart() {
     study.run("straight", 1, 1, &["checkpoint.every=0.005"]);
     let mean = means(&study, "straight");
     assert!(mean("bedload_flux") > 0.0 && mean("surface_height") > 1e-3);
-    study.run("three", 3, 1, &["checkpoint.every=0.005"]);
-    study.same("straight", "three");
     study.run("parts", 2, 1, &["checkpoint.every=0.005", "time.end=0.007"]);
-    study.restart("parts", 1, &["time.end=0.012"]).expect(0);
+    study.restart("parts", 3, &["time.end=0.012"]).expect(0);
     study.same("straight", "parts");
-    for run in ["three", "parts"] {
-        assert_eq!(
-            study.summary("straight")["means"],
-            study.summary(run)["means"],
-            "{run}"
-        );
-    }
+    assert_eq!(
+        study.summary("straight")["means"],
+        study.summary("parts")["means"]
+    );
 }
 
 /// Returns paths and reasons of the errors of a case.
