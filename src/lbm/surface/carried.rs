@@ -23,7 +23,6 @@ use crate::initial::equilibrium;
 use crate::lanes::{Stored, Work};
 use crate::lattice::Lattice;
 use crate::populations::Populations;
-use base::number::to_u32;
 
 /// Sets the populations of the carried cells of a batch before a pass.
 ///
@@ -36,8 +35,7 @@ pub(super) fn set<L: Lattice<Q>, S: Stored, const Q: usize>(
     jump: impl Jump,
 ) {
     let (count, facets) = (batch.positions.padded(), &batch.facets);
-    let carried = Carried::new(batch);
-    if carried.count == 0 {
+    if !facets.carried.contains(&true) {
         return;
     }
     let [mut density, mut g] = [[0.0; MOST]; 2];
@@ -48,54 +46,10 @@ pub(super) fn set<L: Lattice<Q>, S: Stored, const Q: usize>(
         for k in 0..count {
             g[k] = equilibrium(L::W[i], L::C[i], density[k], facets.facet(k).given);
         }
-        for (k, cell) in carried.cells() {
+        for (k, cell) in batch.positions.marked(&facets.carried) {
             // SAFETY: the incoming numbers of a cell belong to it.
             unsafe { numbers.write(stencil.incoming(cell, i), g[k]) };
         }
-    }
-}
-
-/// Carried cells of a batch.
-struct Carried {
-    /// Index in the batch, and position.
-    all: [(u8, u32); MOST],
-    count: usize,
-}
-
-impl Carried {
-    /// Returns the carried cells.
-    #[inline(always)]
-    fn new(batch: &Batch) -> Self {
-        let mut found = Self {
-            all: [(0, 0); MOST],
-            count: 0,
-        };
-        for (k, &cell) in batch.positions.cells().iter().enumerate() {
-            found.all[found.count.min(MOST - 1)] = (k.to_le_bytes()[0], cell);
-            found.count += usize::from(batch.facets.carried[k]);
-        }
-        found
-    }
-
-    /// Returns the cells that satisfy a condition on index in the batch and position.
-    #[inline(always)]
-    fn that(&self, holds: impl Fn(usize, usize) -> bool) -> Self {
-        let mut found = Self {
-            all: [(0, 0); MOST],
-            count: 0,
-        };
-        for (k, cell) in self.cells() {
-            found.all[found.count.min(MOST - 1)] = (k.to_le_bytes()[0], to_u32(cell));
-            found.count += usize::from(holds(k, cell));
-        }
-        found
-    }
-
-    /// Returns index in the batch and position of each cell.
-    #[inline(always)]
-    fn cells(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
-        let all = self.all[..self.count.min(MOST)].iter();
-        all.map(|&(k, cell)| (usize::from(k) % MOST, cell as usize))
     }
 }
 
@@ -184,7 +138,7 @@ pub(super) fn link<L: Lattice<Q>, S: Stored, const Q: usize>(
 /// Returns `true` if a cell takes the population that returns from a carried cell.
 #[inline(always)]
 fn takes(kind: u8, carried: bool) -> bool {
-    kind == LIQUID || is_surface(kind) && !carried
+    (kind == LIQUID) | (is_surface(kind) & !carried)
 }
 
 /// Links of the carried cells of batches.
@@ -201,6 +155,7 @@ impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Work for Link<'_, L, S, 
     fn run(self) {
         let mut kinds = [[SOLID; MOST]; Q];
         let mut twice = [0.0; MOST];
+        let [mut next, mut taken] = [[false; MOST]; 2];
         // Parts of the carriers that contain divisions.
         let mut slope = [0.0; MOST];
         let mut traction = [[0.0; MOST]; 3];
@@ -212,8 +167,7 @@ impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Work for Link<'_, L, S, 
                 next.prefetch_links(self.numbers, stencil);
             }
             let (positions, facets) = (&batch.positions, &batch.facets);
-            let carried = Carried::new(batch);
-            if carried.count == 0 {
+            if !facets.carried.contains(&true) {
                 continue;
             }
             positions.kinds(self.cells, stencil, &mut kinds);
@@ -225,11 +179,15 @@ impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Work for Link<'_, L, S, 
                 }
             }
             for i in 1..Q {
-                let taken = carried.that(|k, cell| {
-                    let next = stencil.neighbour(cell, i);
-                    takes(kinds[i][k], self.cells.carried[next])
-                });
-                if taken.count == 0 {
+                positions.flags(&self.cells.carried, stencil.neighbour(0, i), &mut next);
+                let kinds = &kinds[i];
+                let mut any = false;
+                // All, so that the loop is one vector.
+                for k in 0..MOST {
+                    taken[k] = facets.carried[k] & takes(kinds[k], next[k]);
+                    any |= taken[k];
+                }
+                if !any {
                     continue;
                 }
                 let c = Stencil::<L, Q>::C[i];
@@ -246,7 +204,7 @@ impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Work for Link<'_, L, S, 
                     let even = pressed(self.jump, batch.capillary[k], carrier.even(c));
                     twice[k] = 2.0 * L::W[i] * even;
                 }
-                for (k, cell) in taken.cells() {
+                for (k, cell) in positions.marked(&taken) {
                     // SAFETY: both numbers of the link between this cell and one that is not carried.
                     unsafe {
                         let sent = self.numbers.read(stencil.back(cell, i));

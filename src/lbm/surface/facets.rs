@@ -178,6 +178,7 @@ struct Buffers<const Q: usize> {
     momentum: [Values; 3],
     normal: [Values; 3],
     distance: Values,
+    fill: Values,
     inward: [u8; MOST],
     has_inside: Values,
     at_edge: Values,
@@ -196,6 +197,7 @@ impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Work for Find<'_, L, S, 
             momentum: [[0.0; MOST]; 3],
             normal: [[0.0; MOST]; 3],
             distance: [0.0; MOST],
+            fill: [0.0; MOST],
             inward: [0; MOST],
             has_inside: [0.0; MOST],
             at_edge: [0.0; MOST],
@@ -280,17 +282,21 @@ impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Find<'_, L, S, J, Q> {
             populations: self.populations,
         };
         let force = heavy(self.drive.half_force);
+        // Cells without a liquid cell inside and without a film, whose surface passes through the centre.
+        let mut loose = 0_u32;
         for (k, &cell) in positions.cells().iter().enumerate() {
             let i = usize::from(to.inward[k]);
             to.has_inside[k] = if i == 0 { 0.0 } else { 1.0 };
             let c = Stencil::<L, Q>::C[i];
             (to.c[0][k], to.c[1][k], to.c[2][k]) = (c[0], c[1], c[2]);
             to.film[k] = 0.0;
-            to.distance[k] = 0.0;
             to.at_edge[k] = 0.0;
             if i == 0 {
                 let film = walls.film::<L, Q>(cell as usize, self.drive.half_force);
-                let Some(film) = film else { continue };
+                let Some(film) = film else {
+                    loose |= 1 << k;
+                    continue;
+                };
                 to.film[k] = film.at_rest;
                 for (to, normal) in to.normal.iter_mut().zip(film.normal) {
                     to[k] = normal;
@@ -301,8 +307,12 @@ impl<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize> Find<'_, L, S, J, Q> {
                 let edge = is_at_edge::<L, Q>(self.cells, cell as usize, kind, i, force);
                 to.at_edge[k] = f64::from(u8::from(edge));
             }
-            let normal = [to.normal[0][k], to.normal[1][k], to.normal[2][k]];
-            to.distance[k] = cut::distance(self.cells.fill[cell as usize], normal);
+        }
+        positions.values(&self.cells.fill, 0, &mut to.fill);
+        cut::distances(count, &to.fill, &to.normal, &mut to.distance);
+        while loose != 0 {
+            to.distance[loose.trailing_zeros() as usize % MOST] = 0.0;
+            loose &= loose - 1;
         }
     }
 

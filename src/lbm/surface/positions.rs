@@ -147,6 +147,31 @@ impl Positions {
         unsafe { self.read(list.as_ptr(), distance, to, |value| value) };
     }
 
+    /// Reads a flag of the neighbour of each position, which is a cell of the slab, from a list by position.
+    #[inline(always)]
+    pub(super) fn flags(&self, list: &[bool], distance: usize, to: &mut [bool; MOST]) {
+        self.check(list.len(), distance);
+        // SAFETY: within the list, which no thread writes.
+        unsafe { self.read(list.as_ptr(), distance, to, |flag| flag) };
+    }
+
+    /// Returns index and position of the marked cells.
+    #[inline(always)]
+    pub(super) fn marked(&self, marks: &[bool; MOST]) -> impl Iterator<Item = (usize, usize)> + '_ {
+        let mut bits = 0_u64;
+        for (n, marks) in marks.as_chunks::<GROUP>().0.iter().enumerate() {
+            // Byte k of the eight becomes bit k of the highest one.
+            let bytes = u64::from_le_bytes(marks.map(u8::from));
+            bits |= bytes.wrapping_mul(0x0102_0408_1020_4080) >> 56 << (GROUP * n);
+        }
+        bits &= (1 << self.count.min(MOST)) - 1;
+        std::iter::from_fn(move || {
+            let k = bits.trailing_zeros() as usize;
+            bits &= bits.wrapping_sub(1);
+            (k < MOST).then(|| (k, self.cells[k] as usize))
+        })
+    }
+
     /// Reads the kinds of the neighbours of each position, solid behind sheets and in direction 0.
     #[inline(always)]
     pub(super) fn kinds<L: Lattice<Q>, const Q: usize>(
