@@ -1,5 +1,6 @@
 //! One slab of fluid: the fused collision and streaming step with its halo and boundaries.
 
+mod below_surface;
 mod dispatch;
 mod force;
 mod free_surface;
@@ -32,6 +33,7 @@ use super::term::{self, ClosedCells, FootLoad, StructureFoot, Term};
 use super::turbulence::EddyViscosity;
 use super::turbulence::field::{Field as VelocityField, View};
 use base::thread_pool;
+use below_surface::BelowSurface;
 use decomposition::{Communicator, Domain};
 use dispatch::{Choice, Step};
 use serde::Serialize;
@@ -236,6 +238,8 @@ pub struct Fluid<S: Stored> {
     cover: Option<Cover>,
     /// Free surface, if there is one.
     surface: Option<Box<SlabSurface>>,
+    /// Two steps in one sweep below the free surface.
+    below: Option<Box<BelowSurface>>,
     closed: ClosedCells,
     /// Cells that the pass leaves out, if there are any.
     left_out: Option<Box<left_out::LeftOut>>,
@@ -331,6 +335,7 @@ impl<S: Stored> Fluid<S> {
             field,
             cover,
             surface: None,
+            below: None,
             closed: ClosedCells::default(),
             left_out: None,
             added,
@@ -430,7 +435,8 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// Makes steps between which no code reads the populations, at most [`Self::at_once`]. Collective.
+    /// Makes steps between which no code reads the populations, at most [`Self::at_once`]. A free surface moves in each
+    /// of several steps; after a single one [`Self::move_surface`] moves it. Collective.
     ///
     /// # Errors
     /// If the GPU fails.
@@ -495,12 +501,19 @@ impl<S: Stored> Fluid<S> {
             self.wrap(last..last + 1);
         }
         self.halo.start(&self.populations);
-        let early = !round_middle && self.boundaries.walls_stand_alone();
+        let ahead = self.below.as_ref().is_some_and(|below| below.is_first());
+        let early = ahead || !round_middle && self.boundaries.walls_stand_alone();
         let interior = between(planes);
-        self.run_followed(&shared, force, interior.clone(), early.then_some(time));
+        if ahead {
+            self.run_ahead(&shared, force);
+        } else {
+            self.run_followed(&shared, force, interior.clone(), early.then_some(time));
+        }
         self.hide_dry(false);
         self.halo.finish(&mut self.populations);
-        if reversed && round_middle {
+        if ahead {
+            // The sweep has copied these planes.
+        } else if reversed && round_middle {
             self.wrap(1..last);
         } else if round_middle {
             // Ghost planes are included: beyond a free-slip face they contain populations that are mirrored back.
@@ -534,7 +547,8 @@ impl<S: Stored> Fluid<S> {
         let round_rows = self.extent.periodic_within[fast];
         let shared = (self.describe)(&mut self.populations, velocity, cover, round_rows);
         if let Some(surface) = &self.surface {
-            shared.only_wet(surface.planes())
+            let left = self.below.as_ref().and_then(|below| below.left());
+            shared.only_wet(left.unwrap_or(surface.planes()))
         } else if let Some(left_out) = &self.left_out
             && !left_out.planes.is_empty()
         {

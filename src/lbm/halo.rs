@@ -164,29 +164,78 @@ fn plane_origin<S: Stored>(populations: &Populations<S>, plane: isize) -> usize 
 /// After an even pass ghosts are filled, after an odd pass they are delivered. Whole rows are copied with their
 /// ghosts, so that corners are correct.
 pub fn wrap<S: Stored>(populations: &mut Populations<S>, planes: impl Iterator<Item = isize>) {
-    let [slow, middle, fast] = populations.order();
-    let rows = populations.cells()[middle].cast_signed();
-    let ghost = isize::from(fast < populations.velocities().dimension);
-    let length = populations.cells()[fast] + 2 * ghost.unsigned_abs();
+    let across = Across::new(populations);
     for plane in planes {
-        for i in 0..populations.velocities().q() {
-            let (outside, inside) = match populations.velocities().c[i][middle] {
-                -1 => (-1, rows - 1),
-                1 => (rows, 0),
-                _ => continue,
-            };
-            let (from, to) = match populations.parity() {
-                Parity::Reversed => (inside, outside),
-                Parity::Home => (outside, inside),
-            };
-            let start = |row: isize| {
+        let numbers = populations.numbers_mut();
+        for &copy in &across.copies {
+            let [source, target] = copy.map(|at| across.position(at, plane));
+            numbers.copy_within(source..source + across.length, target);
+        }
+    }
+}
+
+/// Copies of populations across the middle axis in each plane of a slab.
+pub(super) struct Across {
+    /// First number of the source row and of the target row in plane 0.
+    copies: Vec<[usize; 2]>,
+    /// Number of cells of a row, with its ghosts.
+    length: usize,
+    /// Distance between planes.
+    plane: isize,
+}
+
+impl Across {
+    /// Returns the copies after the last pass.
+    pub(super) fn new<S: Stored>(populations: &Populations<S>) -> Self {
+        let [slow, middle, fast] = populations.order();
+        let rows = populations.cells()[middle].cast_signed();
+        let ghost = isize::from(fast < populations.velocities().dimension);
+        let ends = |c: &[i8; 3]| match c[middle] {
+            -1 => Some([rows - 1, -1]),
+            1 => Some([0, rows]),
+            _ => None,
+        };
+        let copies = populations.velocities().c.iter().enumerate();
+        let copies = copies.filter_map(|(i, c)| {
+            let [inside, outside] = ends(c)?.map(|row| {
                 let mut at = [0; 3];
-                (at[slow], at[middle], at[fast]) = (plane, row, -ghost);
+                (at[middle], at[fast]) = (row, -ghost);
                 populations.slot(populations.cell(at), i)
-            };
-            let (source, target) = (start(from), start(to));
-            let numbers = populations.numbers_mut();
-            numbers.copy_within(source..source + length, target);
+            });
+            Some(match populations.parity() {
+                Parity::Reversed => [inside, outside],
+                Parity::Home => [outside, inside],
+            })
+        });
+        let plane = |n: isize| {
+            let mut at = [0; 3];
+            at[slow] = n;
+            populations.cell(at).cast_signed()
+        };
+        Self {
+            copies: copies.collect(),
+            length: populations.cells()[fast] + 2 * ghost.unsigned_abs(),
+            plane: plane(1) - plane(0),
+        }
+    }
+
+    /// Returns a position of a plane, from that of plane 0.
+    fn position(&self, in_first: usize, plane: isize) -> usize {
+        in_first.wrapping_add_signed(plane * self.plane)
+    }
+
+    /// Copies the populations of a plane.
+    ///
+    /// # Safety
+    /// `numbers` must be those of the slab, whose pass over this plane is done, and no other thread may access it.
+    pub(super) unsafe fn copy<S: Stored>(&self, plane: usize, numbers: *mut S) {
+        for &copy in &self.copies {
+            let [source, target] = copy.map(|at| self.position(at, plane.cast_signed()));
+            // SAFETY: rows of this plane, one of which is a ghost row, so that they do not overlap.
+            unsafe {
+                let from = numbers.add(source).cast_const();
+                from.copy_to_nonoverlapping(numbers.add(target), self.length);
+            }
         }
     }
 }

@@ -48,6 +48,7 @@
 //! | `kind` | kinds of cells |
 //! | `cells` | kind, mass and fill level of the cells of a slab |
 //! | `lists` | interface cells and wet parts of rows, by plane |
+//! | `depths` | parts of rows far from the surface, for two steps in one sweep |
 //! | `batch` | interface cells that are computed together |
 //! | `positions` | positions of the cells of a batch, and reads from all of them |
 //! | `ghosts` | state of the cells outside the slab |
@@ -75,6 +76,7 @@ mod carrier;
 pub(crate) mod cells;
 mod conversion;
 mod cut;
+pub(crate) mod depths;
 mod exchange;
 mod facet;
 mod facets;
@@ -516,10 +518,13 @@ impl SlabSurface {
     /// Returns `true` if the pass may write to a plane: it contains water, is next to a plane with water, or is at an
     /// end of the slab.
     pub(crate) fn writes_to(&self, plane: isize) -> bool {
-        let planes = usize::try_from(plane - 1)
-            .ok()
-            .and_then(|below| self.planes.get(below..below + 3));
-        planes.is_none_or(|planes| planes.iter().any(Plane::is_live))
+        lists::is_written(&self.planes, plane)
+    }
+
+    /// Returns `true` if two steps may be made in one sweep far from the surface: all that acts on the water besides
+    /// walls is next to the surface.
+    pub(crate) fn allows_two_steps(&self) -> bool {
+        self.bodies.is_none() && self.openings.is_empty() && !self.unsettled
     }
 
     /// Returns the lists of the planes, for the pass.

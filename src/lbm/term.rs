@@ -133,6 +133,9 @@ impl<S: Stored> Term<S> for SlabSurface {
     fn name(&self) -> &'static str {
         "a free surface"
     }
+    fn allows_two_steps(&self) -> bool {
+        self.allows_two_steps()
+    }
 }
 
 /// Cells of structures, at which openings are closed, and links through faces at the feet of solids.

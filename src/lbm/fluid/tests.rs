@@ -8,6 +8,7 @@ use crate::saturation::{CoveringBody, DEEP, SolidOperator, Weighting};
 use crate::turbulence::smagorinsky::Smagorinsky;
 use crate::turbulence::wale::Wale;
 
+mod below_surface;
 mod single;
 
 const EVERYWHERE: [[f64; 2]; 3] = [[f64::NEG_INFINITY, f64::INFINITY]; 3];

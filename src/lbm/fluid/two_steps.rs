@@ -29,6 +29,7 @@ use super::dispatch::Step;
 use super::{Fluid, between, planes_of};
 use crate::block::RowBlock;
 use crate::boundary::Boundaries;
+use crate::halo::Across;
 use crate::kernel::Shared;
 use crate::lanes::Stored;
 use crate::populations::Parity;
@@ -41,41 +42,44 @@ use std::sync::Arc;
 /// Number of rows traversed at a time through all planes. Fewer rows would fit into the second-level cache, but
 /// hardware prefetching is better with longer pieces of memory: from 8 to 48 the speed is the same
 /// (`benches/HISTORY.md`).
-const ROWS: usize = 32;
+pub(super) const ROWS: usize = 32;
 
 /// Minimum number of planes per thread for a sweep.
-const MIN_PLANES: usize = 8;
+pub(super) const MIN_PLANES: usize = 8;
 
 /// Data of one of the two steps.
 #[derive(Clone, Copy)]
-struct Moment {
-    force: [f64; 3],
-    time: f64,
+pub(super) struct Moment {
+    pub(super) force: [f64; 3],
+    pub(super) time: f64,
     /// State of the populations after the pass of this step.
-    parity: Parity,
+    pub(super) parity: Parity,
 }
 
 /// Returns the planes of the part of a thread that have at least this distance from its ends.
-fn inside(share: &Range<usize>, distance: usize) -> Range<usize> {
+pub(super) fn inside(share: &Range<usize>, distance: usize) -> Range<usize> {
     let first = share.start + distance;
     first..share.end.saturating_sub(distance).max(first)
 }
 
 impl<S: Stored> Fluid<S> {
-    /// Returns `true` if two steps can be made in one sweep: only walls act on the populations between them. It is
-    /// equal on every rank.
+    /// Returns `true` if two steps can be made in one sweep: only walls act on the populations between them, or only
+    /// walls and a free surface. It is equal on every rank.
     #[must_use]
     pub fn may_advance_two(&self) -> bool {
         let [_, middle, _] = self.populations.order();
         self.populations.parity() == Parity::Home
-            && !self.extent.periodic_within[middle]
+            && (self.surface.is_some() || !self.extent.periodic_within[middle])
             && self.left_out.is_none()
             && self.terms().all(Term::allows_two_steps)
     }
 
-    /// Makes two steps in one sweep. No code reads the populations between them.
+    /// Makes two steps in one sweep. No code reads the populations between them. A free surface moves in both.
     #[inline(never)]
     pub fn advance_two(&mut self) {
+        if self.surface.is_some() {
+            return self.advance_two_below_surface();
+        }
         let planes = self.populations.cells()[self.populations.order()[0]];
         let interior = between(planes);
         let threads = self.workers(&interior).max(1);
@@ -122,6 +126,9 @@ impl<S: Stored> Fluid<S> {
             shared: [&even, &odd],
             moments: [&first, &second],
             ghosts: self.field.as_ref().map(Field::ghosts),
+            rows: ROWS,
+            across: None,
+            completes: true,
         };
         thread_pool::each(threads, |t| {
             // SAFETY: the parts are disjoint, and each worker has one.
@@ -170,13 +177,20 @@ impl<S: Stored> Fluid<S> {
 }
 
 /// Data of both steps, each with its index.
-struct Sweep<'a, S: Stored> {
-    step: &'a dyn Step<S>,
-    boundaries: &'a Boundaries<S>,
-    shared: [&'a Shared<S>; 2],
-    moments: [&'a Moment; 2],
+pub(super) struct Sweep<'a, S: Stored> {
+    pub(super) step: &'a dyn Step<S>,
+    pub(super) boundaries: &'a Boundaries<S>,
+    pub(super) shared: [&'a Shared<S>; 2],
+    pub(super) moments: [&'a Moment; 2],
     /// Ghosts of the velocities for the next eddy viscosity, if there is one.
-    ghosts: Option<Arc<Ghosts>>,
+    pub(super) ghosts: Option<Arc<Ghosts>>,
+    /// Number of rows traversed at a time through all planes.
+    pub(super) rows: usize,
+    /// Copies after the first pass across the rows of a plane, along a periodic axis, and the planes with copies; all
+    /// rows are traversed at a time then.
+    pub(super) across: Option<(Across, &'a (dyn Fn(usize) -> bool + Sync))>,
+    /// `true` if the sweep completes the second step, so that its walls follow.
+    pub(super) completes: bool,
 }
 
 impl<S: Stored> Sweep<'_, S> {
@@ -184,10 +198,10 @@ impl<S: Stored> Sweep<'_, S> {
     ///
     /// # Safety
     /// No other thread may access these planes or be this worker.
-    unsafe fn planes(&self, share: &Range<usize>, worker: usize) {
+    pub(super) unsafe fn planes(&self, share: &Range<usize>, worker: usize) {
         let rows = self.shared[0].rows();
-        for top in (0..rows).step_by(ROWS) {
-            let bottom = (top + ROWS).min(rows);
+        for top in (0..rows).step_by(self.rows) {
+            let bottom = (top + self.rows).min(rows);
             // Rows that are due at a distance behind.
             let behind = |distance: usize| {
                 let end = if bottom == rows {
@@ -209,6 +223,11 @@ impl<S: Stored> Sweep<'_, S> {
                 unsafe {
                     if let Some(cells) = due(0) {
                         self.pass(0, &cells, worker);
+                        if let Some((across, written)) = &self.across
+                            && written(plane)
+                        {
+                            across.copy(plane, self.shared[0].numbers());
+                        }
                     }
                     if let Some(cells) = due(1) {
                         self.walls(0, &cells);
@@ -217,7 +236,9 @@ impl<S: Stored> Sweep<'_, S> {
                     if let Some(cells) = due(2) {
                         self.pass(1, &cells, worker);
                     }
-                    if let Some(cells) = due(3) {
+                    if let Some(cells) = due(3)
+                        && self.completes
+                    {
                         self.walls(1, &cells);
                         self.velocities(1, &cells);
                     }

@@ -35,12 +35,24 @@ impl Plane {
     /// Returns the lists of a plane without a free surface, from the parts of its rows to process.
     pub(crate) fn of_spans<'a>(rows: impl Iterator<Item = &'a [[u32; 2]]>) -> Self {
         let mut plane = Self::default();
-        plane.begins.push(0);
-        for row in rows {
-            plane.spans.extend(row);
-            plane.begins.push(to_u32(plane.spans.len()));
-        }
+        plane.set_spans(rows.map(|row| row.iter().copied()));
         plane
+    }
+
+    /// Sets the parts of the rows to process.
+    pub(super) fn set_spans(&mut self, rows: impl Iterator<Item = impl Iterator<Item = [u32; 2]>>) {
+        self.begins.clear();
+        self.spans.clear();
+        self.begins.push(0);
+        for row in rows {
+            self.spans.extend(row);
+            self.begins.push(to_u32(self.spans.len()));
+        }
+    }
+
+    /// Returns `true` if there is no part to process.
+    pub(super) fn is_empty(&self) -> bool {
+        self.spans.is_empty()
     }
 
     /// Returns the parts of a row that contain water.
@@ -126,6 +138,15 @@ impl Plane {
         }
         self.begins.push(to_u32(self.spans.len()));
     }
+}
+
+/// Returns `true` if the pass may write to a plane: it contains water, is next to a plane with water, or is at an end
+/// of the slab.
+pub(crate) fn is_written(planes: &[Plane], plane: isize) -> bool {
+    let planes = usize::try_from(plane - 1)
+        .ok()
+        .and_then(|below| planes.get(below..below + 3));
+    planes.is_none_or(|planes| planes.iter().any(Plane::is_live))
 }
 
 #[cfg(test)]
