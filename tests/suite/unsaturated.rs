@@ -394,6 +394,22 @@ fn ground_drier_than_its_law_can_state_is_named() {
     assert!(dry(gardner, -8.0));
     let van_genuchten = r#"{"van_genuchten": {"alpha": 5, "n": 2, "saturated_content": 0.4, "residual_content": 0.1}}"#;
     assert!(!dry(van_genuchten, -1000.0));
+    let narrow = r#"{"van_genuchten": {"alpha": 14.5, "n": 16, "saturated_content": 0.4}}"#;
+    assert!(!dry(narrow, -0.6));
+    assert!(dry(narrow, -2.0));
+    let high = |alpha: f64| {
+        let law = format!(r#"{{"gardner": {{"alpha": {alpha}, "saturated_content": 0.4}}}}"#);
+        let sets = [
+            format!("{retention}={law}"),
+            format!(r#"{initial}={{"head": 1}}"#),
+        ];
+        let found = findings_of("infiltration", &sets);
+        let path = format!("{retention}.gardner.alpha");
+        found.iter().any(|(at, _)| *at == path)
+    };
+    // Ground of 1 m.
+    assert!(!high(35.0));
+    assert!(high(60.0));
 }
 
 /// Compares a dam with k_h = 9 k_v with its isotropic equivalent: lengths along x divided by 3, and the geometric mean
