@@ -19,6 +19,7 @@ use super::boundary::{Boundaries, FacePart, Frame, Patch, SolidPart, StraightLin
 use super::collision::Operator;
 use super::collision::trt::AntisymmetricRate;
 use super::error::FluidError;
+use super::feet::{FootLoad, StructureFoot};
 use super::gpu::{Device, Gpu};
 use super::halo::{Halo, wrap};
 use super::initial::{self, Field};
@@ -29,7 +30,7 @@ use super::populations::{Layout, Populations};
 use super::saturation::pass::View as CoverView;
 use super::saturation::{Cover, SaturationMethod};
 use super::surface::SlabSurface;
-use super::term::{self, ClosedCells, FootLoad, StructureFoot, Term};
+use super::term::{self, ClosedCells, Term};
 use super::turbulence::EddyViscosity;
 use super::turbulence::field::{Field as VelocityField, View};
 use base::thread_pool;

@@ -22,6 +22,7 @@
 //! | `surface` | free surface of water: kinds of cells, exchange of mass, conversions |
 //! | `synthetic` | synthetic turbulence of inlets and initial flows |
 //! | `links` | bounce-back on links that cross the surface of a body or of a structure |
+//! | `feet` | momentum that solids receive at links through faces next to them |
 //! | `rigid` | the motion of a body |
 //! | `saturation` | partially saturated cells, solid collision operators |
 //! | `term` | all terms that act on the populations in a step; porous zones |
@@ -36,6 +37,7 @@ pub mod boundary;
 pub mod collision;
 pub mod error;
 pub mod extremes;
+pub mod feet;
 pub mod fluid;
 pub mod gpu;
 pub mod halo;

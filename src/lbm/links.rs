@@ -42,11 +42,11 @@ pub mod mirrored;
 
 pub use super::rigid::Rigid;
 
+use super::feet::{FootAxes, FootLoad, bounded_sum};
 use super::lanes::Stored;
 use super::populations::{Link, Parity, Populations};
 use super::quanta::quanta;
 pub(crate) use super::rigid::surface_velocity;
-use super::term::{FootAxes, FootLoad, bounded_sum};
 use base::thread_pool;
 use gaps::{BodyLinks, GapLink};
 

@@ -7,6 +7,7 @@ use super::{BodyMap, FLUID, JOINT, OUTSIDE, tag};
 use crate::structure_map::StructureMap;
 use base::thread_pool;
 use lbm::boundary::{FacePart, StraightLinks, SurfaceKind};
+use lbm::feet::FootLoad;
 use lbm::lanes::Stored;
 use lbm::links::gaps::{BodyLinks, GapLink};
 use lbm::links::{
@@ -14,7 +15,6 @@ use lbm::links::{
     StructureCorner, load_feet,
 };
 use lbm::populations::Populations;
-use lbm::term::FootLoad;
 use std::sync::atomic::Ordering;
 
 /// Direction of the lattice.

@@ -8,11 +8,11 @@
 
 use super::{StructureMap, WATER};
 use lbm::boundary::{StraightLinks, SurfaceKind};
+use lbm::feet::StructureFoot;
 use lbm::fluid::Fluid;
 use lbm::lanes::Stored;
 use lbm::populations::{Link, Populations};
 use lbm::quanta::quanta;
-use lbm::term::StructureFoot;
 
 /// Link through a face at the foot of a structure.
 #[derive(Clone, Copy, Debug)]
