@@ -323,9 +323,10 @@ const JET: [(&str, &str); 9] = [
     ("time.end", "0.4"),
 ];
 
-/// Checks that a jet leaves through an outfall, and that its speed in front of it is that of the nozzle but for a widening
-/// by at most three quarters of a cell at each rim, 20/21.5. With an outfall that reflects what leaves the run failed
-/// after 0.15 s; with rims at which the wall slows the outermost cells the jet lost a tenth of its speed.
+/// Checks that a jet leaves through an outfall, and that its speed in front of it is that of the nozzle but for a
+/// widening by at most three quarters of a cell at each rim, 20/21.5. With an outfall that reflects what leaves the
+/// run failed after 0.15 s; with rims at which the wall slows the outermost cells the jet lost a tenth of its
+/// speed.
 #[test]
 fn a_jet_keeps_its_speed_and_leaves_through_an_outfall() {
     let _beside = beside_others();
@@ -451,8 +452,8 @@ fn what_does_not_work_with_a_surface_is_refused_by_name() {
     );
 }
 
-/// Checks that a wall in a basin where a log floats holds no water: 1.2 m of the basin are 0.5 m deep, less the segment
-/// of the log below the level.
+/// Checks that a wall in a basin where a log floats holds no water: 1.2 m of the basin are 0.5 m deep, less the
+/// segment of the log below the level.
 #[test]
 fn structures_bound_the_water_where_bodies_float() {
     let _beside = beside_others();
@@ -486,9 +487,9 @@ fn structures_bound_the_water_where_bodies_float() {
     assert!(error.abs() < 1e-12, "{error}");
 }
 
-/// Checks that water at rest on a slope stays there for any depth of its edge. The slope is a staircase on the lattice,
-/// and the water on its highest wet step has no liquid cell. Before that water had a pressure its edge emptied, and
-/// the water swung.
+/// Checks that water at rest on a slope stays there for any depth of its edge. The slope is a staircase on the
+/// lattice, and the water on its highest wet step has no liquid cell. Before that water had a pressure its edge
+/// emptied, and the water swung.
 #[test]
 fn water_at_rest_stays_on_a_slope() {
     let _beside = beside_others();

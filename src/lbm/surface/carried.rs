@@ -5,7 +5,7 @@
 //! neighbours: before the pass it receives the velocity and the pressure extrapolated from the cell inside, and
 //! after the pass its links to other wet cells receive the traction between that cell and the surface.
 //!
-//! Elsewhere this holds in a smooth flow only, but beside the edge of a wall, as at the rims of a nozzle and below
+//! Elsewhere this holds in a smooth flow only, but next to the edge of a wall, as at the rims of a nozzle and below
 //! the sheet that leaves a weir, it holds in any flow and at any fill level. There the wall would slow such a cell
 //! like a full one, although the water has left it, and a jet would lose the momentum of one cell at each rim. Steps
 //! that carry the water are no such edges: with them the run-up on slopes is lower by 3 to 9 %.

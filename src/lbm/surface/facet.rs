@@ -58,8 +58,8 @@ pub(super) struct Facet {
     pub(super) at_rest: f64,
     /// Maximum density of the dynamic part inside; 0 without a liquid cell inside.
     pub(super) most: f64,
-    /// 1 with a liquid cell close to the inward normal, else 0: a number like the others, so that loops over cells are
-    /// vectorised.
+    /// 1 with a liquid cell close to the inward normal, else 0: a number like the others, so that loops over cells
+    /// are vectorised.
     pub(super) has_inside: f64,
     /// Density of the normal part of the traction in that liquid cell, less that of the tension.
     pub(super) inside: f64,
@@ -69,8 +69,8 @@ pub(super) struct Facet {
     pub(super) traction: [f64; 3],
     /// Distance between the centres of that liquid cell and the interface cell, along the inward normal.
     pub(super) inner: f64,
-    /// 1 for a cell whose centre lies outside the water in a smooth flow, and for a cell beside the edge of a wall: the
-    /// liquid cell inside carries it; else 0.
+    /// 1 for a cell whose centre lies outside the water in a smooth flow, and for a cell next to the edge of a
+    /// wall: the liquid cell inside carries it; else 0.
     pub(super) is_carried: f64,
     /// Velocity of a carried cell, without the force.
     pub(super) given: [f64; 3],
@@ -92,8 +92,8 @@ impl Facet {
         bounded(excess, -self.most, self.most)
     }
 
-    /// Returns the density of the normal part of the traction inside in the middle of the step, for the density in the
-    /// liquid cell inside at its end: the mean of both ends, because a density that lags behind feeds sound.
+    /// Returns the density of the normal part of the traction inside in the middle of the step, for the density in
+    /// the liquid cell inside at its end: the mean of both ends, because a density that lags behind feeds sound.
     #[inline(always)]
     pub(super) fn in_middle(&self, now: f64) -> f64 {
         self.inside + 0.5 * (now - self.density_inside)
@@ -216,7 +216,7 @@ pub(super) struct Known {
     pub(super) found: Moments,
     /// Density that the surface tension adds.
     pub(super) capillary: f64,
-    /// 1 beside the edge of a wall, else 0.
+    /// 1 next to the edge of a wall, else 0.
     pub(super) at_edge: f64,
 }
 
@@ -269,7 +269,7 @@ impl Facet {
 
     /// Decides if the liquid cell inside carries a cell, and computes the velocity.
     ///
-    /// Beside the edge of a wall it carries every cell ([`super::carried`]).
+    /// Next to the edge of a wall it carries every cell ([`super::carried`]).
     ///
     /// The velocity is extrapolated with the rate of strain inside, from its second moment, as in an irrotational flow.
     #[inline(always)]

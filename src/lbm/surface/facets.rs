@@ -71,8 +71,8 @@ fn normals<L: Lattice<Q>, const Q: usize>(
     }
 }
 
-/// Finds the direction to the liquid neighbour closest to the inward normal of each cell of a batch; 0 if none is close
-/// enough.
+/// Finds the direction to the liquid neighbour closest to the inward normal of each cell of a batch; 0 if none is
+/// close enough.
 #[inline(always)]
 fn inwards<L: Lattice<Q>, const Q: usize>(
     count: usize,
@@ -101,8 +101,8 @@ fn inwards<L: Lattice<Q>, const Q: usize>(
     }
 }
 
-/// Returns `true` if a cell lies beside a wall that ends between it and its neighbour along direction `i`: at the rim
-/// of an opening, or at the edge of a structure that does not carry the water against the force.
+/// Returns `true` if a cell lies next to a wall that ends between it and its neighbour along direction `i`: at the
+/// rim of an opening, or at the edge of a structure that does not carry the water against the force.
 fn is_at_edge<L: Lattice<Q>, const Q: usize>(
     cells: &Cells,
     cell: usize,

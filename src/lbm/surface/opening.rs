@@ -10,7 +10,7 @@
 //! | discharge | g*_i + 6 w_i (c_i·n) Q/A, A the wet area of the face | Ladd 1994 |
 //! | level | w_i (ρ_w + (1 + ρ_w) (9/2 (c·u)² - 3/2 u² - 3 c·u) + 3/2 c·F) | Mohamad and Succi 2009 |
 //! | air | 2 w_i (9/2 (c·u)² - 3/2 u²) - g*_i, the pressure of the gas as at the surface | [`super::facet`] |
-//! | air, of low viscosity | w_i (9/2 (c·u)² - 3/2 u² - 3 c·u - ρ + 3/2 c·F), with the density ρ of the cell | this file |
+//! | air, low viscosity | w_i (9/2 (c·u)² - 3/2 u² - 3 c·u - ρ + 3/2 c·F), ρ of the cell | here |
 //!
 //! At a level the law is the equilibrium of the water outside (A. A. Mohamad, S. Succi, Eur. Phys. J. Special
 //! Topics 171 (2009) 213). ρ_w is that of the depth of the centre of the cell below it. Water that leaves has the
@@ -22,10 +22,11 @@
 //! failed from cell Reynolds numbers of 12 to 40 on (`benches/stability/culverts.csv`). No water enters from air: a
 //! cell with inflow bounces back.
 //!
-//! **Air.** An outfall reflects what leaves, so that the pressure in the middle of the links is that of the gas: this is of
-//! second order. In water of a lattice viscosity below 0.01 noise would return with a change of sign, and jets failed
-//! from a cell Reynolds number of 30 on. There the outfall reflects the equilibrium alone, and the cells at the face are
-//! set to theirs as at a level. With a viscosity of 0.03 this would empty a box of ten cells 7 % too slowly.
+//! **Air.** An outfall reflects what leaves, so that the pressure in the middle of the links is that of the gas:
+//! this is of second order. In water of a lattice viscosity below 0.01 noise would return with a change of sign,
+//! and jets failed from a cell Reynolds number of 30 on. There the outfall reflects the equilibrium alone, and the
+//! cells at the face are set to theirs as at a level. With a viscosity of 0.03 this would empty a box of ten cells
+//! 7 % too slowly.
 //!
 //! **Mass.** A liquid cell gains the sum over its links of the entering minus the leaving populations; an interface
 //! cell gains this sum times the wet fraction of the face. This fraction is 1 for inflow from a stream, the larger
@@ -33,10 +34,12 @@
 //! through each opening is summed in quanta, so that the balance closes up to rounding on any number of ranks.
 //!
 //! **Dry faces.** A gas cell at the face whose outer side is at least half full becomes an interface cell without
-//! mass. Such cells count as neighbours of liquid. A discharge onto a dry bed enters at its critical depth, Q² B = g A³
-//! with B the width of the surface (V. T. Chow, Open-channel hydraulics, 1959, section 4-1), and at least half a cell.
+//! mass. Such cells count as neighbours of liquid. A discharge onto a dry bed enters at its critical depth, Q² B =
+//! g A³ with B the width of the surface (V. T. Chow, Open-channel hydraulics, 1959, section 4-1), and at least half
+//! a cell.
 //!
-//! A stream into air widens by about half a cell at each rim: it is slower by 13 % with 8 cells, by 4 % with 16, and by
+//! A stream into air widens by about half a cell at each rim: it is slower by 13 % with 8 cells, by 4 % with 16,
+//! and by
 //! 2 % with 40.
 //!
 //! Links through an opening count as walls in the exchange between cells ([`super::exchange`]), so that the surface

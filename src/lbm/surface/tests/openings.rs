@@ -84,7 +84,8 @@ fn water_follows_a_level_in_time() {
     tank.open_at = vec![(0, true, Outside::Level(levels.clone()))];
     let mut fluid = tank.fill(|[_, y, _]| (8.3 - y as f64).clamp(0.0, 1.0));
     let before = mass(&fluid);
-    // The tank sloshes with a wave four times as long as itself; at a rate of change r its mean is late by up to r L/c.
+    // The tank sloshes with a wave four times as long as itself; at a rate of change r its mean is late by up to r
+    // L/c.
     let speed = (1e-4_f64 * 6.2).sqrt();
     let lag = 7e-4 * 20.0 / speed;
     for n in 1..=30 {
@@ -139,9 +140,9 @@ fn a_discharge_enters_and_leaves() {
     }
 }
 
-/// Checks that a jet from a nozzle into air has the discharge of its velocity, widens by less than a cell, half a cell at
-/// each rim, and is slower accordingly; then it falls like a projectile. Its surface carries waves, so that thickness and
-/// height are means over a time.
+/// Checks that a jet from a nozzle into air has the discharge of its velocity, widens by less than a cell, half a
+/// cell at each rim, and is slower accordingly; then it falls like a projectile. Its surface carries waves, so that
+/// thickness and height are means over a time.
 #[test]
 fn a_jet_enters_a_dry_box() {
     let mut tank = Tank::new([60, 50, 1]);
@@ -170,7 +171,8 @@ fn a_jet_enters_a_dry_box() {
     }
     closes(&fluid, 0.0);
     let [entered, _] = passed(&fluid);
-    // The faces are dry in the first step, and the links at the rim lead to cells that are at first too empty to stay.
+    // The faces are dry in the first step, and the links at the rim lead to cells that are at first too empty to
+    // stay.
     let steps = entered / (8.0 * 0.05);
     assert!((2490.0..2500.0).contains(&steps), "{steps}");
     let mut widening = 0.0;
