@@ -185,8 +185,8 @@ struct Ends {
 }
 
 impl Opening {
-    /// Returns an opening without links. `face` is the axis of its face and `true` for the upper end, `viscosity` that of
-    /// the water on the lattice.
+    /// Returns an opening without links. `face` is the axis of its face and `true` for the upper end, `viscosity`
+    /// that of the water on the lattice.
     pub(crate) fn new(
         patch: usize,
         outside: Outside,
@@ -293,8 +293,8 @@ impl Opening {
         self.last
     }
 
-    /// Sets the wet cells at a level, or at an outfall of low viscosity, to their equilibrium, for half of the body force; density and momentum remain
-    /// up to rounding, so that this comes before the moments of cells are sent.
+    /// Sets the wet cells at a level, or at an outfall of low viscosity, to their equilibrium, for half of the body
+    /// force; density and momentum remain up to rounding, so that this comes before the moments of cells are sent.
     pub(super) fn calm<S: Stored>(
         &self,
         cells: &Cells,
