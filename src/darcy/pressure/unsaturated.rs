@@ -41,9 +41,9 @@
 //! step is then made in a variable of which the permeability is a smooth function, and the norm may rise for a few
 //! steps.
 //!
-//! Where no fraction of a step decreases the norm within a time step, each cell follows the content of the linear step
-//! instead of its pressure: saturated ground without storage that begins to drain in a short time
-//! step, where the capacity is zero at saturation. A step that does not converge even so is shortened.
+//! Cells follow the content of the linear step instead of its pressure where no fraction of a step decreases the norm
+//! within a time step ([`following`]): saturated ground without storage that begins to drain in a short time step,
+//! where the capacity is zero at saturation. A step that does not converge even so is shortened.
 //!
 //! **Parallel.** Every rank evaluates the fluxes of the whole grid and solves the linear system in its slab. All sums
 //! are exact, so that the bits do not depend on ranks and threads.

@@ -7,8 +7,8 @@
 //! outflow `q`. The shorter the time step, the smaller is the fraction of the linear step that decreases the norm,
 //! and one fraction does not suit all cells.
 //!
-//! As in the scheme of K. Krabbenhoft (Adv. Water Resour. 30 (2007) 483), the linear step therefore states the water
-//! of a cell, and the pressure follows from the water. With the derivative `d` of the outflow of a cell with respect
+//! The linear step therefore states the water of a cell, and the pressure follows from the water, an idea of K.
+//! Krabbenhoft (Adv. Water Resour. 30 (2007) 483). With the derivative `d` of the outflow of a cell with respect
 //! to its own head, its volume `V`, the time `t` of a stage and the linear change `D`, the change `x` solves
 //!
 //! ```text
