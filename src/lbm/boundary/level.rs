@@ -13,9 +13,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Open water of a given level outside the face: the pressure is hydrostatic below the level and that of the air above
-/// it. The flow determines whether water enters or leaves; water that enters has no velocity along the face. The level
-/// applies at the face, so that an entering stream has its velocity head in addition. Where more water leaves than
-/// enters, eddies draw water in from rest. Waves are reflected.
+/// it. The flow determines whether water enters or leaves; water that enters has no velocity along the face. Where more
+/// water leaves than enters, eddies draw water in from rest.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
@@ -26,6 +25,23 @@ pub struct Level {
     /// after; two levels at one time are a jump. Default: constant.
     #[serde(default)]
     pub history: Option<Vec<[f64; 2]>>,
+    /// Place where the level holds. Default: `at_face`.
+    #[serde(default)]
+    pub holds: Holds,
+}
+
+/// Place where a level holds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(inline)]
+pub enum Holds {
+    /// At the face: an entering stream has its velocity head in addition. Waves are reflected.
+    #[default]
+    AtFace,
+    /// In a reservoir beyond the face, where the water is at rest: an entering stream is lower at the face by the
+    /// velocity head U²/(2 g) of its mean speed. Waves between the face and a weir or gate lose energy to the
+    /// reservoir.
+    InReservoir,
 }
 
 const KIND: BoundaryKind = BoundaryKind {
@@ -73,7 +89,10 @@ impl BoundaryModel for Level {
         let in_cells = |level: f64| units.length_to_lattice(level);
         Ok(Box::new(Links {
             strength: KIND.strength,
-            outside: Outside::Level(levels.scaled(in_steps, in_cells)),
+            outside: Outside::Level {
+                levels: levels.scaled(in_steps, in_cells),
+                in_reservoir: self.holds == Holds::InReservoir,
+            },
         }))
     }
 }

@@ -64,7 +64,7 @@ impl<S: Stored> Rule<S> for Links {
 
     fn ramp_end(&self) -> f64 {
         match &self.outside {
-            Outside::Discharge(values) | Outside::Level(values) => values.end(),
+            Outside::Discharge(values) | Outside::Level { levels: values, .. } => values.end(),
             Outside::Stream | Outside::Air => 0.0,
         }
     }

@@ -17,10 +17,11 @@
 //! velocity u outside too. Water that enters comes from rest (Bernoulli): it has its component across the face
 //! alone, and ρ_w is lower by 3/2 (u_n² - U²), with the mean speed U of the water that enters through the whole
 //! opening, 0 if more leaves. So the level is that at the face, and an eddy that draws water in gets no energy from
-//! outside. The cells at the face are set to their equilibrium in every step, a relaxation rate of one. A law that
-//! reflects what leaves, such as that of [`crate::boundary::pressure`], returns noise with a change of sign, and
-//! failed from cell Reynolds numbers of 12 to 40 on (`benches/stability/culverts.csv`). No water enters from air: a
-//! cell with inflow bounces back.
+//! outside. A level that holds in a reservoir is lower at the face by U²/(2 g), with U of the present step: a wave
+//! that accelerates the inflow lowers the level, and loses energy. The cells at the face are set to their
+//! equilibrium in every step, a relaxation rate of one. A law that reflects what leaves, such as that of
+//! [`crate::boundary::pressure`], returns noise with a change of sign, and failed from cell Reynolds numbers of 12
+//! to 40 on (`benches/stability/culverts.csv`). No water enters from air: a cell with inflow bounces back.
 //!
 //! **Air.** An outfall reflects what leaves, so that the pressure in the middle of the links is that of the gas:
 //! this is of second order. In water of a lattice viscosity below 0.01 noise would return with a change of sign,
@@ -70,8 +71,14 @@ pub enum Outside {
     Stream,
     /// Discharge over the wet area.
     Discharge(TimeTable),
-    /// Water at rest with a level along the axis of gravity.
-    Level(TimeTable),
+    /// Water with a level along the axis of gravity, which holds at the face, or in a reservoir beyond it where water
+    /// that enters is at rest.
+    Level {
+        /// Levels outside.
+        levels: TimeTable,
+        /// `true` if they hold in a reservoir.
+        in_reservoir: bool,
+    },
     /// Air.
     Air,
 }
@@ -195,7 +202,7 @@ impl Opening {
         viscosity: f64,
     ) -> Self {
         let calms = match outside {
-            Outside::Level(_) => true,
+            Outside::Level { .. } => true,
             Outside::Air => viscosity < DAMPS_NOISE,
             Outside::Stream | Outside::Discharge(_) => false,
         };
@@ -346,13 +353,22 @@ impl Opening {
                 speed: factor,
                 dry: 0.0,
             },
-            Outside::Level(level) => {
+            Outside::Level {
+                levels,
+                in_reservoir,
+            } => {
                 let mut wet = self.wet.map(i128::cast_unsigned);
                 communicator.all_reduce_sum_u128s(&mut wet);
                 let [area, entering] = wet.map(|sum| from_quanta(sum.cast_signed()));
+                let speed = if entering > 0.0 { entering / area } else { 0.0 };
+                let head = if *in_reservoir {
+                    0.5 * speed * speed / self.up.gravity
+                } else {
+                    0.0
+                };
                 OutsideState {
-                    level: self.up.height(level.value(step)),
-                    speed: if entering > 0.0 { entering / area } else { 0.0 },
+                    level: self.up.height(levels.value(step)) - head,
+                    speed,
                     ..OutsideState::default()
                 }
             }
@@ -430,7 +446,7 @@ impl Opening {
                 velocity[self.axis] = -self.outward * self.now.dry;
                 Some(velocity)
             }
-            Outside::Level(_) | Outside::Air => None,
+            Outside::Level { .. } | Outside::Air => None,
         }
     }
 
@@ -476,7 +492,7 @@ impl Opening {
                 };
                 self.give(cells, populations, fed, enters, larger);
             }
-            Outside::Level(_) => {
+            Outside::Level { .. } => {
                 let (outward, half_force) = (self.outward, self.half_force);
                 let enters = |face: &Face, crossed: &Crossed, _: &Ends| {
                     let depth = now.level - face.row - 0.5;

@@ -15,7 +15,16 @@ use crate::fluid::{Fluid, Force, Models, Setup};
 use crate::lattice::VelocitySet;
 use crate::quanta::from_quanta;
 use crate::saturation::SaturationMethod;
+use base::history::TimeTable;
 use decomposition::{Domain, SplitAxis};
+
+/// Returns water outside with levels that hold at the face.
+fn at_face(levels: TimeTable) -> Outside {
+    Outside::Level {
+        levels,
+        in_reservoir: false,
+    }
+}
 
 /// Axes along which the slabs may be cut.
 const AXES: [SplitAxis; 3] = [SplitAxis::X, SplitAxis::Y, SplitAxis::Z];

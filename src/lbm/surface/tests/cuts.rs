@@ -3,7 +3,7 @@
 //! Ranks are threads here ([`decomposition::on_threads`]). The scenes are random: `SOLVER_CUT_SCENES` is their number,
 //! `SOLVER_CUT_FROM` the first one.
 
-use super::{AXES, Tank};
+use super::{AXES, Tank, at_face};
 use crate::collision::{Operator, bgk, cumulant, trt};
 use crate::fluid::Fluid;
 use crate::lattice::VelocitySet;
@@ -190,7 +190,7 @@ fn add_face(tank: &mut Tank, draw: &mut SplitMix, (axis, upper): (usize, bool), 
         4 => tank.open_at.push((axis, upper, Outside::Air)),
         5 => {
             let level = constant(height * draw.uniform());
-            tank.open_at.push((axis, upper, Outside::Level(level)));
+            tank.open_at.push((axis, upper, at_face(level)));
         }
         6 => {
             let discharge = constant(0.03 * area as f64 * draw.uniform());

@@ -1,7 +1,7 @@
 //! Balance of the momentum of water with a free surface.
 
 use super::super::opening::Outside;
-use super::{Tank, step};
+use super::{Tank, at_face, step};
 use crate::lattice::VelocitySet;
 use crate::quanta::from_quanta;
 use base::history::TimeTable;
@@ -36,7 +36,7 @@ fn error(tank: &Tank, steps: usize) -> f64 {
 #[test]
 fn the_momentum_of_each_step_is_closed_between_any_faces() {
     let faces = [(0, false), (2, false), (0, true), (2, true), (1, false)];
-    let level = |height: f64| Outside::Level(TimeTable::new(None, height));
+    let level = |height: f64| at_face(TimeTable::new(None, height));
     for (set, cells) in [
         (VelocitySet::D2Q9, [24, 14, 1]),
         (VelocitySet::D3Q19, [14, 12, 6]),

@@ -2,7 +2,7 @@
 
 use super::super::kind::{GAS, LIQUID};
 use super::super::opening::Outside;
-use super::{Tank, bits, dam, mass, step};
+use super::{Tank, at_face, bits, dam, mass, step};
 use crate::fluid::Fluid;
 use crate::quanta::from_quanta;
 use base::history::TimeTable;
@@ -56,8 +56,8 @@ fn water_between_equal_levels_stays_at_rest() {
         let mut tank = channel();
         tank.tau = 0.6;
         tank.open_at = vec![
-            (0, false, Outside::Level(constant(level))),
-            (0, true, Outside::Level(constant(level))),
+            (0, false, at_face(constant(level))),
+            (0, true, at_face(constant(level))),
         ];
         let mut fluid = tank.fill(|[_, y, _]| (level - y as f64).clamp(0.0, 1.0));
         let before = mass(&fluid);
@@ -81,7 +81,7 @@ fn water_follows_a_level_in_time() {
     tank.cells[0] = 20;
     let table = [[0.0, 8.3], [12000.0, 14.6], [18000.0, 14.6], [30000.0, 6.2]];
     let levels = TimeTable::new(Some(&table), 0.0);
-    tank.open_at = vec![(0, true, Outside::Level(levels.clone()))];
+    tank.open_at = vec![(0, true, at_face(levels.clone()))];
     let mut fluid = tank.fill(|[_, y, _]| (8.3 - y as f64).clamp(0.0, 1.0));
     let before = mass(&fluid);
     // The tank sloshes with a wave four times as long as itself; at a rate of change r its mean is late by up to r
@@ -106,11 +106,39 @@ fn water_follows_a_level_in_time() {
     assert!((mean - 6.2).abs() < 0.1, "{mean}");
 }
 
+/// Checks the stream between a level in a reservoir and a level 0.5 cells lower at the face downstream, without
+/// friction: its depth and velocity head of 0.5 cells have the sum of the level in the reservoir, behind a hump of
+/// half a cell in the first three columns.
+#[test]
+fn a_stream_from_a_reservoir_has_the_head_of_its_level() {
+    let mut tank = channel();
+    tank.tau = 0.52;
+    let reservoir = Outside::Level {
+        levels: constant(9.0),
+        in_reservoir: true,
+    };
+    tank.open_at = vec![(0, false, reservoir), (0, true, at_face(constant(8.5)))];
+    let mut fluid = tank.fill(|[_, y, _]| (8.5 - y as f64).clamp(0.0, 1.0));
+    let before = mass(&fluid);
+    step(&mut fluid, 48_000);
+    let earlier = passed(&fluid)[0];
+    step(&mut fluid, 2_000);
+    closes(&fluid, before);
+    let discharge = (passed(&fluid)[0] - earlier) / 2_000.0;
+    for columns in [25..35, 50..60] {
+        let depth = height(&fluid, columns.clone());
+        let head = depth + (discharge / depth).powi(2) / (2.0 * tank.gravity);
+        println!("{columns:?}: depth {depth}, head {head}");
+        assert!((head - 9.0).abs() < 0.05, "{columns:?}: {head}");
+        assert!((depth - 8.5).abs() < 0.05, "{columns:?}: {depth}");
+    }
+}
+
 /// Checks that a discharge enters exactly within rounding, into water and onto a dry bed, and flows to the level
 /// downstream.
 #[test]
 fn a_discharge_enters_and_leaves() {
-    for (start, end) in [(9.0, Outside::Level(constant(9.0))), (0.0, Outside::Air)] {
+    for (start, end) in [(9.0, at_face(constant(9.0))), (0.0, Outside::Air)] {
         let mut tank = channel();
         tank.open_at = vec![
             (0, false, Outside::Discharge(constant(0.12))),
@@ -217,7 +245,7 @@ fn openings_have_the_same_bits_along_any_axis_of_slabs() {
             tank.split = split;
             tank.slip_at = vec![(2, false)];
             tank.open_at = vec![
-                (0, true, Outside::Level(constant(6.3))),
+                (0, true, at_face(constant(6.3))),
                 (0, false, Outside::Discharge(constant(0.9))),
                 (1, false, Outside::Air),
             ];
