@@ -13,7 +13,7 @@
 //! | surface after the second step | |
 //!
 //! Every number is computed from the same numbers by the same operations as in two single steps, so that the bits are
-//! the same.
+//! the same. With an eddy viscosity, which needs the velocities of all cells after each step, every step is single.
 
 use super::two_steps::{MIN_PLANES, Moment, ROWS, Sweep, inside};
 use super::{Fluid, between, planes_of};

@@ -63,13 +63,19 @@ pub(super) fn inside(share: &Range<usize>, distance: usize) -> Range<usize> {
 }
 
 impl<S: Stored> Fluid<S> {
-    /// Returns `true` if two steps can be made in one sweep: only walls act on the populations between them, or only
-    /// walls and a free surface. It is equal on every rank.
+    /// Returns `true` if two steps can be made in one sweep: only walls act on the populations between them, with or
+    /// without an eddy viscosity, or only walls and a free surface. It is equal on every rank.
     #[must_use]
     pub fn may_advance_two(&self) -> bool {
         let [_, middle, _] = self.populations.order();
+        let allowed = if self.surface.is_some() {
+            // An eddy viscosity is computed from velocities that the surface sets between the steps.
+            self.turbulence.is_none()
+        } else {
+            !self.extent.periodic_within[middle]
+        };
         self.populations.parity() == Parity::Home
-            && (self.surface.is_some() || !self.extent.periodic_within[middle])
+            && allowed
             && self.left_out.is_none()
             && self.terms().all(Term::allows_two_steps)
     }

@@ -6,6 +6,8 @@ use crate::fluid::{Fluid, Force, Models, Setup};
 use crate::lattice::VelocitySet;
 use crate::surface::SurfaceTension;
 use crate::surface::depths::Depths;
+use crate::turbulence::EddyViscosity;
+use crate::turbulence::smagorinsky::Smagorinsky;
 use decomposition::{Domain, SplitAxis};
 
 /// Waves in a basin.
@@ -14,6 +16,7 @@ struct Basin {
     split: usize,
     periodic: [bool; 3],
     tension: bool,
+    turbulence: Option<EddyViscosity>,
 }
 
 impl Basin {
@@ -39,7 +42,9 @@ impl Basin {
             VelocitySet::D3Q19
         };
         let operator = Operator::Trt(trt::TrtParameters { magic: 0.25 });
-        let mut setup = Setup::new(Models::new(set, operator), 0.56, self.cells);
+        let mut models = Models::new(set, operator);
+        models.turbulence = self.turbulence;
+        let mut setup = Setup::new(models, 0.56, self.cells);
         let mut force = [0.0; 3];
         force[up] = -6e-4;
         setup.force = Force::Constant(force);
@@ -96,6 +101,7 @@ fn two_steps_in_one_sweep_below_a_surface_are_two_steps() {
                 split,
                 periodic,
                 tension,
+                turbulence: None,
             };
             let run = |threads: usize, at_once: bool| {
                 let mut fluid = basin.fluid();
@@ -136,6 +142,7 @@ fn water_with_a_body_moves_in_single_steps() {
         split: 0,
         periodic: [false; 3],
         tension: false,
+        turbulence: None,
     };
     let mut fluid = basin.fluid();
     assert_eq!(fluid.at_once(), 2);
@@ -146,4 +153,28 @@ fn water_with_a_body_moves_in_single_steps() {
     fluid.move_surface();
     fluid.close(std::iter::empty());
     assert_eq!(fluid.at_once(), 1);
+}
+
+/// Checks deep water with an eddy viscosity, in which two steps in one sweep would lack the velocities of the first.
+#[test]
+fn water_with_an_eddy_viscosity_moves_in_single_steps() {
+    for (cells, periodic) in [
+        ([34, 44, 1], false),
+        ([34, 44, 1], true),
+        ([12, 12, 32], false),
+    ] {
+        let basin = Basin {
+            cells,
+            split: 0,
+            periodic: [periodic, false, false],
+            tension: false,
+            turbulence: Some(EddyViscosity::Smagorinsky(Smagorinsky { constant: 0.17 })),
+        };
+        let mut fluid = basin.fluid();
+        for _ in 0..4 {
+            assert_eq!(fluid.at_once(), 1);
+            fluid.advance();
+            fluid.move_surface();
+        }
+    }
 }
