@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
 """Compares two builds of the solver: instructions of a step, memory, and state.
 
-    python3 benches/two_builds.py BEFORE AFTER [--rows P-1 P-3 ...] [--table FILE]
+    python3 benches/two_builds.py BEFORE AFTER [--rows P-1 P-3 ...] [--times N] [--table FILE]
 
 BEFORE and AFTER are binaries of the solver. The rows have the physics of those of beside_peers.sh in small scenes. Work is counted in instructions
 (valgrind), which other users of the machine do not change; each number is the difference of two runs that differ in their steps alone, so that start
 and end do not count. A ratio is AFTER over BEFORE: above 1 it is slower or larger. The status is 1 where two builds do not reach the same state, or
-where a ratio is above 1.02.
+where a ratio is above 1.02. With `--times N` the rows are timed instead, for a machine without other work: the seconds of the step loop in N
+pairs of runs of at least three seconds, by turns, and the median of the ratios of the pairs with their range.
 """
 
 import argparse
@@ -14,12 +15,15 @@ import json
 import pathlib
 import random
 import re
+import statistics
 import subprocess
 import sys
 import tempfile
 
 HERE = pathlib.Path(__file__).resolve().parent
 BAR = 1.02
+# Shortest loop of a timed run [s].
+SHORTEST = 3.0
 CAVITY = HERE / "cases/cavity.json"
 CAVITY_3D = HERE / "cases/cavity_3d.json"
 SMALL = "domain.size=[0.00256, 0.00256]"
@@ -71,12 +75,13 @@ def run(solver, folder, files, case, settings, counted):
             one = one.replace(f"={name}", f"={path}")
         command += ["--set", one]
     if counted:
-        command = ["valgrind", "--tool=cachegrind", "--cache-sim=no", "--cachegrind-out-file=/dev/null", *command]
+        # Older builds execute themselves again: the run is the process with the most instructions.
+        command = ["valgrind", "--trace-children=yes", "--tool=cachegrind", "--cache-sim=no", "--cachegrind-out-file=/dev/null", *command]
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode != 0:
         sys.exit(f"two_builds: {case}: {done.stderr[-800:]}")
-    found = re.search(r"I\s+refs:\s+([\d,]+)", done.stderr)
-    instructions = int(found.group(1).replace(",", "")) if found else None
+    found = re.findall(r"I\s+refs:\s+([\d,]+)", done.stderr)
+    instructions = max((int(one.replace(",", "")) for one in found), default=None)
     return instructions, json.loads((folder / "run/summary.json").read_text())
 
 
@@ -85,6 +90,23 @@ def work(solver, folder, files, row):
     case, settings, ends = ROWS[row]
     few, many = (run(solver, folder, files, case, [*settings, f"time.end={end}"], True) for end in ends)
     return (many[0] - few[0]) / (many[1]["steps"] - few[1]["steps"]), many[1]["state_hash"]
+
+
+def time(builds, folder, files, row, pairs):
+    """Returns the line of a row with the seconds of both builds, by turns."""
+    case, settings, (_, end) = ROWS[row]
+    seconds, states = ([], []), [None, None]
+    once = run(builds[0], folder, files, case, [*settings, f"time.end={8 * end:.9g}"], False)[1]["loop_seconds"]
+    end *= 8 * max(1, round(SHORTEST / once))
+    for turn in range(pairs):
+        for k in (0, 1) if turn % 2 == 0 else (1, 0):
+            summary = run(builds[k], folder, files, case, [*settings, f"time.end={end:.9g}"], False)[1]
+            seconds[k].append(summary["loop_seconds"])
+            states[k] = summary["state_hash"]
+    ratios = [after / before for before, after in zip(*seconds)]
+    ratio, same = statistics.median(ratios), "yes" if states[0] == states[1] else "no"
+    middle = [statistics.median(one) for one in seconds]
+    return ratio, f'"{row}",s,{middle[0]:.4g},{middle[1]:.4g},{ratio:.4f},{min(ratios):.4f},{max(ratios):.4f},{same}'
 
 
 def memory(solver, folder, files, row):
@@ -100,16 +122,25 @@ def main():
     options.add_argument("before", type=pathlib.Path)
     options.add_argument("after", type=pathlib.Path)
     options.add_argument("--rows", nargs="*", default=[*ROWS, *MEMORY], help="rows by the beginning of their names")
+    options.add_argument("--times", type=int, default=0, help="pairs of timed runs; 0 counts instructions")
     options.add_argument("--table", type=pathlib.Path)
     given = options.parse_args()
     builds = [given.before.resolve(), given.after.resolve()]
     versions = [subprocess.run([one, "-V"], capture_output=True, text=True).stdout.strip() for one in builds]
     lines = [f"# before: {versions[0]}; after: {versions[1]}", "row,unit,before,after,ratio,same state"]
+    if given.times:
+        lines[1] = "row,unit,before,after,ratio,least ratio,largest ratio,same state"
     good = True
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         files = samples(folder)
         for row in [one for one in (*ROWS, *MEMORY) if any(re.match(re.escape(wanted) + r"\b", one) for wanted in given.rows)]:
+            if given.times and row in ROWS:
+                ratio, line = time(builds, folder, files, row, given.times)
+                good &= ratio <= BAR
+                lines.append(line)
+                print(lines[-1], flush=True)
+                continue
             measure, unit = (work, "instructions of a step") if row in ROWS else (memory, "B")
             (before, state), (after, other) = (measure(one, folder, files, row) for one in builds)
             ratio = after / before
