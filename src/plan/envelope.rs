@@ -75,6 +75,7 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
     super::driven_plug::check(scene, findings);
     super::outlets::check(scene, findings);
     super::outlets::near_outflow(scene, findings);
+    super::leaving::check(scene, findings);
     super::driven_squeeze::check(scene, findings);
     super::sinking::check(scene, findings);
     super::explicit_drag::check(scene, clock, &mut margins, findings);

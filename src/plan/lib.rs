@@ -27,6 +27,7 @@ mod free_surface;
 mod impacts;
 pub mod interval;
 mod joint_steps;
+mod leaving;
 mod levels;
 mod linear_stability;
 pub mod margin;
