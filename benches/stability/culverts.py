@@ -23,6 +23,8 @@ LEVEL = 0.2
 SPACING = 0.01
 # Passages, cell Reynolds numbers and lattice velocities of V.
 PARTS = [(JETS, [3, 10, 30, 100, 300, 1000, 10000], [0.02, 0.05, 0.1]), (CALM, [100, 1000, 10000], [0.007])]
+# More of them near the limit of two rates without an eddy viscosity.
+NEAR = [(JETS, [15, 20, 25], [0.05])]
 
 
 def case(operator, eddies, passage, number, velocity):
@@ -77,7 +79,8 @@ def main():
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         for operator, eddies in OPERATORS:
-            for passages, numbers, velocities in PARTS:
+            near = NEAR if (operator, eddies) == ("trt", "none") else []
+            for passages, numbers, velocities in PARTS + near:
                 for row in itertools.product(passages, numbers, velocities):
                     ended = outcome(solver, folder, case(operator, eddies, *row))
                     lines.append(line(operator, eddies, *row, ended))

@@ -6,6 +6,9 @@
 //! returns. Water with a level surface has no drop; the drop of a wave is twice its amplitude. A body that falls
 //! into the water or moves in it is judged by its own speed if that is larger; there is no map of bodies.
 //!
+//! A fall sends a bore to the openings. With two rates it fails at an opening with a level at less than in a closed
+//! basin: `benches/stability/bores.csv` has columns of 0.05 to 0.2 m over a basin of 0.05 to 0.2 m, in 2-D.
+//!
 //! A stream from an inlet or in the initial state is judged by its own speed: the map `benches/stability/stream-10` has
 //! one that runs against a wall, and the jump that runs back to the inlet. Operators with two rates fail there at a
 //! cell Reynolds number of 20 and above, at the inlet. In 3-D there is no map of streams; that in 2-D is used.
@@ -15,7 +18,7 @@ use crate::scene::Scene;
 use crate::scene::bodies::Mobility;
 use crate::scene::findings::{Findings, number};
 use crate::scene::flow::{Flow, PATH};
-use crate::scene::free_surface::{FreeSurface, Tension};
+use crate::scene::free_surface::{FreeSurface, Opening, Tension};
 use crate::scene::speed;
 use base::error::Remedy;
 use lbm::collision::Operator;
@@ -45,6 +48,17 @@ struct Limits {
     map: &'static str,
     holds: f64,
     fails: f64,
+}
+
+/// Returns the limits of an operator, with an eddy viscosity or without one, for a bore that reaches an opening with a
+/// level; `None` if every run of the table finished.
+fn limits_at_levels(operator: &Operator) -> Option<Limits> {
+    let (holds, fails) = match operator {
+        Operator::Trt(_) => (30.0, 50.0),
+        _ => return None,
+    };
+    let map = "bores.csv";
+    Some(Limits { map, holds, fails })
 }
 
 /// Returns the limits of an operator, with an eddy viscosity or without one, for a lattice velocity U dt/h of the
@@ -327,9 +341,18 @@ fn add_margin(
     let dimension = scene.grid.dimension;
     let eddies = flow.models.turbulence.is_some();
     let lattice_velocity = speed * flow.time_step / scene.grid.spacing;
+    let levels = scene.surface.iter().flat_map(|surface| &surface.openings);
+    let mut levels = levels.filter_map(Opening::levels);
+    let operator = &flow.models.collision;
     let limits = match cause.kind {
-        Kind::Fall => limits(&flow.models.collision, dimension, eddies, lattice_velocity),
-        Kind::Stream => limits_of_streams(&flow.models.collision, eddies, lattice_velocity),
+        Kind::Fall => {
+            let bore = levels.next().and_then(|_| limits_at_levels(operator));
+            let closed = limits(operator, dimension, eddies, lattice_velocity);
+            bore.into_iter()
+                .chain(closed)
+                .min_by(|a, b| a.fails.total_cmp(&b.fails))
+        }
+        Kind::Stream => limits_of_streams(operator, eddies, lattice_velocity),
     };
     let Some(limits) = limits else {
         return;
@@ -435,6 +458,53 @@ mod tests {
             format!("{LATTICE}.collision={{\"bgk\": {{}}}}"),
         ];
         assert!(found(&held).is_empty());
+    }
+
+    /// Checks that the limits of a bore at a level are those of the table: the smallest cell Reynolds number of a
+    /// failed run, the largest of a finished one below it, and no failed run with the remedy.
+    #[test]
+    fn limits_of_bores_at_levels_are_those_of_the_table() {
+        let table = include_str!("../../benches/stability/bores.csv");
+        let rows = || {
+            let lines = table.lines().filter(|line| !line.starts_with('#')).skip(1);
+            lines.map(|line| line.split(',').collect::<Vec<_>>())
+        };
+        let number = |row: &[&str]| row[5].parse::<f64>().unwrap();
+        let trt = serde_json::from_value(serde_json::json!({"trt": {}})).unwrap();
+        let limits = super::limits_at_levels(&trt).unwrap();
+        for eddies in ["none", "smagorinsky"] {
+            let mine = || rows().filter(|row| row[..2] == ["trt", eddies]);
+            let failed = mine().filter(|row| row[6] == "failed");
+            let least = failed.map(|row| number(&row)).fold(f64::INFINITY, f64::min);
+            let below = mine().map(|row| number(&row)).filter(|cell| *cell < least);
+            approx::assert_relative_eq!(least, limits.fails);
+            approx::assert_relative_eq!(below.fold(0.0, f64::max), limits.holds);
+        }
+        let remedy: Vec<_> = rows()
+            .filter(|row| row[..2] == ["bgk", "smagorinsky"])
+            .collect();
+        assert!(remedy.len() == 40 && remedy.iter().all(|row| row[6] == "finished"));
+    }
+
+    /// Checks the example with TRT and an eddy viscosity at a cell Reynolds number of 70: in a closed basin it is
+    /// stable, with an opening with a level it is not, and with an outfall it is.
+    #[test]
+    fn a_fall_that_reaches_a_level_is_judged_by_bores() {
+        let at = |condition: &str| {
+            found(&[
+                format!("{LATTICE}.kinematic_viscosity=6.1e-5"),
+                format!("{LATTICE}.turbulence={{\"smagorinsky\": {{}}}}"),
+                format!("{LATTICE}.collision={{\"trt\": {{}}}}"),
+                format!(
+                    r#"{LATTICE}.boundaries=[{{"name": "end", "face": "x_max", "condition": {condition}}}]"#
+                ),
+            ])
+        };
+        assert!(at(r#"{"no_slip": {}}"#).is_empty());
+        assert!(at(r#"{"outfall": {}}"#).is_empty());
+        let problem = &at(r#"{"level": {"value": 0}}"#)[0];
+        assert_eq!(problem.severity, Severity::Unstable, "{problem}");
+        assert!(problem.to_string().contains("bores.csv"), "{problem}");
     }
 
     /// Checks rows of `benches/stability/stream-10/map.csv`: a stream of 2 m/s on cells of 2.8575 mm.
