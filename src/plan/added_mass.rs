@@ -174,13 +174,13 @@ fn bounds(
 
 /// Depth below the surface of a body, in cells, of the cells that take part in the flow below a free surface.
 const DEPTH: f64 = 2.0;
-/// Depth of these cells for a sphere that floats in saturated cells.
+
+/// Factor of the bound of [`below_surface`] for spheres that float in saturated cells, by radius in cells.
 ///
-/// With `mrt` spheres of 3 cells that rose to the surface, or fell into the water, came to rest with 0.85 times the
-/// density of water and were thrown about with 0.8 times; those of 4 cells came to rest with 0.73 times and were thrown
-/// about with 0.67 times; 2.5 cells came to rest with 0.9 times (`benches/stability/floating.csv`). A depth of 2 cells
-/// would give bounds of 0.8 and 0.66 for 3 and 4 cells.
-const FLOATING_DEPTH: f64 = 2.4;
+/// With `mrt` spheres that rose to the surface, or fell into the water, came to rest with 0.9, 0.85, 0.73 and 0.62
+/// times the density of water at 2.5, 3, 4 and 5 cells, these factors times the bound, and were thrown about with 0.8,
+/// 0.67 and 0.56 times at 3, 4 and 5 cells, 1.00 to 1.01 times the bound (`benches/stability/floating.csv`).
+const FLOATS: &[(f64, f64)] = &[(2.5, 1.019), (3.0, 1.063), (4.0, 1.104), (5.0, 1.113)];
 
 /// Returns the bounds of the density ratio for a body of radius R in cells below a free surface.
 ///
@@ -188,13 +188,8 @@ const FLOATING_DEPTH: f64 = 2.4;
 /// those of the whole body times the fraction of its volume in these cells. No body is refused, because no map of
 /// failed runs below a surface exists, and discs of 0.5 and 0.6 times the density of water and 7 to 20 cells were
 /// stable.
-fn below_surface(
-    bounds: DensityRatios,
-    depth: f64,
-    dimension: usize,
-    radius: f64,
-) -> DensityRatios {
-    let inside = (1.0 - depth / radius).max(0.0);
+fn below_surface(bounds: DensityRatios, dimension: usize, radius: f64) -> DensityRatios {
+    let inside = (1.0 - DEPTH / radius).max(0.0);
     let inside = if dimension == 2 {
         inside * inside
     } else {
@@ -406,14 +401,13 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
         };
         let tau = flow.relaxation_time;
         let mut bounds = bounds(coupling, operator, tau, scene.grid.dimension, kind.radius);
-        let outer = below_surface(bounds, DEPTH, scene.grid.dimension, kind.radius);
+        let outer = below_surface(bounds, scene.grid.dimension, kind.radius);
         if scene.surface.is_some() {
+            bounds = outer;
             let saturated = matches!(coupling, Coupling::PartiallySaturated(_));
-            bounds = if saturated && scene.grid.dimension == 3 && ratio < 1.0 {
-                below_surface(bounds, FLOATING_DEPTH, 3, kind.radius)
-            } else {
-                outer
-            };
+            if saturated && scene.grid.dimension == 3 && ratio < 1.0 {
+                bounds.holds *= between(FLOATS, kind.radius);
+            }
         }
         if meets_a_wall(scene, coupling, ratio, tau) {
             let wall = at_a_wall(outer, scene.grid.dimension == 2);
