@@ -96,8 +96,9 @@ def time(builds, folder, files, row, pairs):
     """Returns the line of a row with the seconds of both builds, by turns."""
     case, settings, (_, end) = ROWS[row]
     seconds, states = ([], []), [None, None]
-    once = run(builds[0], folder, files, case, [*settings, f"time.end={8 * end:.9g}"], False)[1]["loop_seconds"]
-    end *= 8 * max(1, round(SHORTEST / once))
+    once = 8 * run(builds[0], folder, files, case, [*settings, f"time.end={end:.9g}"], False)[1]["loop_seconds"]
+    # The grains of P-12 leave their box later.
+    end *= 1 if row.startswith("P-12") else 8 * max(1, round(SHORTEST / once))
     for turn in range(pairs):
         for k in (0, 1) if turn % 2 == 0 else (1, 0):
             summary = run(builds[k], folder, files, case, [*settings, f"time.end={end:.9g}"], False)[1]
