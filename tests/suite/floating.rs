@@ -89,7 +89,7 @@ fn a_block_and_a_sphere_in_three_dimensions_with_eddies() {
         ("probes", "[]"),
         (
             "materials",
-            r#"{"wood": {"density": 850}, "rock": {"density": 2600}, "wall": {}}"#,
+            r#"{"wood": {"density": 800}, "rock": {"density": 2600}, "wall": {}}"#,
         ),
         (
             "bodies",
@@ -102,7 +102,8 @@ fn a_block_and_a_sphere_in_three_dimensions_with_eddies() {
         ),
         ("time.end", "0.04"),
     ]);
-    let study = Study::from_example("dam-break", &set);
+    // The plan refuses a sphere this light by a map of runs with `mrt`; this run is short, and has cumulants.
+    let study = Study::from_example("dam-break", &set).unstable();
     study.run("straight", 1, 2, &[]);
     // Fractions of rotated blocks are rounded along rows, so that slabs along another axis have other bits, with a
     // surface or without.
